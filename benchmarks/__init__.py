@@ -1,0 +1,1 @@
+"""Benchmarks of the package beside other solvers; run them from the root of the repository."""

@@ -1,0 +1,97 @@
+"""Moment equations of charge transport in gas-solid flow with triboelectric charging.
+
+The names below are imported on first use, so that importing the package stays fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from triboflux import closures
+    from triboflux.case import Case, ComponentMode, GridSpec, Initial, Mode, Run
+    from triboflux.errors import InputError, OutOfRangeError, TribofluxError
+    from triboflux.grid import Grid
+    from triboflux.integrate import integrate
+    from triboflux.moments import Moments
+    from triboflux.numbers import Numbers
+    from triboflux.result import Result, load
+    from triboflux.solve import solve
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Case",
+    "ComponentMode",
+    "Grid",
+    "GridSpec",
+    "Initial",
+    "InputError",
+    "Mode",
+    "Moments",
+    "Numbers",
+    "OutOfRangeError",
+    "Result",
+    "Run",
+    "TribofluxError",
+    "__version__",
+    "closures",
+    "integrate",
+    "load",
+    "solve",
+]
+
+_HOMES = {
+    "Case": "case",
+    "ComponentMode": "case",
+    "Grid": "grid",
+    "GridSpec": "case",
+    "Initial": "case",
+    "InputError": "errors",
+    "Mode": "case",
+    "Moments": "moments",
+    "Numbers": "numbers",
+    "OutOfRangeError": "errors",
+    "Result": "result",
+    "Run": "case",
+    "TribofluxError": "errors",
+    "integrate": "integrate",
+    "load": "result",
+    "solve": "solve",
+}
+"""The module that each lazily imported name lives in."""
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name on first use (PEP 562)."""
+    if name == "closures":
+        return importlib.import_module("triboflux.closures")
+    if name not in _HOMES:
+        raise AttributeError(f"module 'triboflux' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"triboflux.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """List the public names, imported or not."""
+    return sorted(__all__)
+
+
+class _Package(ModuleType):
+    """The package itself, in which `solve` and `integrate` always mean the functions.
+
+    Importing a submodule binds it as an attribute of its package. For the two modules named
+    like their main function the function is bound instead, whatever was imported first.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if _HOMES.get(name) == name and isinstance(value, ModuleType):
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -1,0 +1,159 @@
+"""The command line: thin commands around the public functions."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from triboflux import __version__
+from triboflux.errors import InputError, TribofluxError, shown_path
+
+# everything else is imported inside the commands, so that help and refusals come at once
+if TYPE_CHECKING:
+    from triboflux.result import Result
+
+EXIT_REFUSED = 1
+"""Bad input or failure; one line on stderr says why."""
+EXIT_NOT_OK = 3
+"""The run ended and was written, but its status is not ok."""
+
+app = typer.Typer(
+    name="triboflux",
+    help="Electric charge of particles in gas-solid flow: moment equations on periodic boxes.",
+    epilog="Example: triboflux run case.toml -o result.nc",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit code."""
+    try:
+        app(prog_name="triboflux")
+    except TribofluxError as error:
+        _fail(str(error), EXIT_REFUSED)
+    except MemoryError:
+        _fail("the memory of this machine is too small for this.", EXIT_REFUSED)
+
+
+def _fail(sentence: str, code: int) -> NoReturn:
+    print(f"error: {sentence}", file=sys.stderr)
+    sys.exit(code)
+
+
+@app.callback(invoke_without_command=True)
+def about(
+    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="With --version: all versions and devices.")
+    ] = False,
+) -> None:
+    """Print versions, for instance for a bug report."""
+    if not version:
+        return
+    print(f"triboflux {__version__}")
+    if verbose:
+        import jax
+
+        from triboflux.result import versions
+
+        for package, number in versions().items():
+            if package != "triboflux":
+                print(f"{package} {number}")
+        print(f"platform {platform.platform()}")
+        print(f"devices {', '.join(str(device) for device in jax.devices())}")
+    raise typer.Exit
+
+
+@app.command(epilog="Example: triboflux run case.toml -o result.nc --overwrite")
+def run(
+    case_file: Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case to run.")],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="OUT.nc", help="NetCDF file to write.")
+    ],
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run one case and write its result.
+
+    Exit code 0: the run ended well. 1: refused, nothing written. 2: wrong usage. 3: the result is
+    written, but its status is not ok. 130: interrupted, nothing written.
+    """
+    from triboflux.case import Case
+    from triboflux.files import require_writable
+    from triboflux.initial_state import require_file
+    from triboflux.memory import require_memory
+    from triboflux.terminal import interruptible, progress_bar, use_compilation_cache
+
+    with interruptible():
+        case = Case.from_toml(case_file)
+        require_writable(output, overwrite=overwrite)
+        if output.exists() and output.samefile(case_file):
+            raise InputError(f"output {shown_path(output)} is the case file itself.")
+        require_file(case)
+        require_memory(case)
+        use_compilation_cache()
+        from triboflux.solve import solve
+
+        with progress_bar(quiet=quiet) as on_progress:
+            result = solve(case, on_progress=on_progress)
+        result.to_netcdf(output, overwrite=overwrite)
+    if not quiet:
+        _report(result, output)
+    if result.status != "ok":
+        raise typer.Exit(EXIT_NOT_OK)
+
+
+def _report(result: Result, output: Path) -> None:
+    """Print how a run ended, and its warnings."""
+    for warning in result.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    stats, dataset = result.stats, result.dataset
+    print(
+        f"{result.status}: {result.stop_reason}; t = {float(dataset['time'][-1]):.7g}, "
+        f"peak charge {float(dataset['peak_charge'][-1]):.7g}, "
+        f"steps {stats.get('accepted')} accepted and {stats.get('rejected')} rejected; "
+        f"written to {shown_path(output)}"
+    )
+
+
+@app.command(epilog="Example: triboflux reproduce --figure 2 -o figures")
+def reproduce(
+    folder: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the figures.")
+    ],
+    figure: Annotated[
+        int | None, typer.Option(min=1, max=2, help="Number of the paper's figure; all if absent.")
+    ] = None,
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Reproduce figures of the paper, with the results behind them."""
+    from triboflux.files import require_folder
+    from triboflux.terminal import interruptible, progress_bar, use_compilation_cache
+
+    with interruptible():
+        require_folder(folder)
+        use_compilation_cache()
+        from triboflux.figures import reproduce as reproduce_figure
+
+        for number in (1, 2) if figure is None else (figure,):
+            with progress_bar(quiet=quiet) as on_progress:
+                paths = reproduce_figure(
+                    number, folder, overwrite=overwrite, on_progress=on_progress
+                )
+            for path in () if quiet else paths:
+                print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,161 @@
+"""What a run's numbers say about its physics and its resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+import numpy as np
+
+from triboflux import models
+from triboflux.calculus import FourierCalculus
+from triboflux.errors import InputError
+from triboflux.grid import Grid
+from triboflux.models.model import Model
+from triboflux.models.terms import evaluate
+from triboflux.moments import Moments
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from triboflux.result import Result
+
+# The spectrum of a resolved field has decayed to this part of its largest coefficient.
+RESOLVED = 1e-6
+EQUATIONS = ("charge", "covariance", "variance")
+
+
+def model_of(result: Result) -> Model:
+    """Return the model that a result was made with."""
+    case = result.case
+    return models.build(
+        case.model,
+        case.numbers,
+        case.closures,
+        dimensions=case.grid.dimensions,
+        exponent=case.exponent,
+    )
+
+
+def budget(result: Result, time: float | None = None) -> xr.Dataset:
+    """Return every named term of each equation at an output time; Figs. 4-5 of the paper.
+
+    Parameters
+    ----------
+    result : Result
+        Of any model.
+    time : float, optional
+        One of the result's output times, the nearest is taken; the last by default.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables ``charge(charge_term, x…)``, ``covariance(covariance_term, component, x…)`` and
+        ``variance(variance_term, x…)``, dimensionless, scaled by the moment's scale times √Θ/L.
+        Their sum over the terms is the time derivative. Coordinates give each term's group and
+        equation.
+
+    Raises
+    ------
+    InputError
+        If the time lies outside the run.
+    """
+    import xarray as xr
+
+    data = result.dataset
+    times = data["time"].values
+    at = times[-1] if time is None else float(time)
+    slack = 1e-9 * max(abs(times[-1]), 1e-300)
+    if not times[0] - slack <= at <= times[-1] + slack:
+        raise InputError(
+            f"time: {at:g} is not allowed; the result covers {times[0]:g} to {times[-1]:g}."
+        )
+    snapshot = data.sel(time=at, method="nearest")
+    model, case = model_of(result), result.case
+    grid = Grid(case.grid.points, case.grid.lengths)
+    calculus = FourierCalculus(grid)
+    state = Moments(**{n: grid.to_spectral(jnp.asarray(snapshot[n].values)) for n in model.evolves})
+    variables, coordinates = {}, {}
+    for moment in model.evolves:
+        terms = [term for term in model.terms if term.moment == moment]
+        values = [getattr(evaluate((term,), calculus, state), moment) for term in terms]
+        stacked = np.stack([np.asarray(grid.to_fields(value)) for value in values])
+        axis = f"{moment}_term"
+        variables[moment] = ((axis, *snapshot[moment].dims), stacked)
+        coordinates[axis] = [term.name for term in terms]
+        coordinates[f"{moment}_group"] = (axis, [term.group for term in terms])
+        coordinates[f"{moment}_equation"] = (axis, [term.equation for term in terms])
+    kept = {name: snapshot[name] for name in snapshot.coords}
+    return xr.Dataset(variables, coords={**kept, **coordinates})
+
+
+def realizability_warnings(
+    grid: Grid, times: np.ndarray, fields: Mapping[str, np.ndarray]
+) -> list[str]:
+    """Say where and when |C|² > V or V < 0, which no joint distribution of charges allows.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of the fields.
+    times : np.ndarray
+        Output times.
+    fields : Mapping
+        With ``covariance[time, component, x…]`` and ``variance[time, x…]``.
+    """
+    margin = fields["variance"] - np.sum(fields["covariance"] ** 2, axis=1)
+    scale = np.maximum(np.max(np.abs(fields["variance"])), 1e-300)
+    # The Fourier tail of a variance that vanishes at places is not a breach.
+    broken = margin < -1e-6 * scale
+    if not broken.any():
+        return []
+    first = int(np.argmax(broken.reshape(len(times), -1).any(axis=1)))
+    worst = np.unravel_index(int(np.argmin(margin)), margin.shape)
+    place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), worst[1:], strict=True))
+    share = float(broken[-1].mean())
+    return [
+        f"not realizable: |C|² > V from t = {times[first]:.4g} on (first output that shows it), "
+        f"by up to {-margin[worst]:.3g} at t = {times[worst[0]]:.4g}, x = {place}; "
+        f"{share:.0%} of the box at the end. Theta is held fixed while the field feeds C."
+    ]
+
+
+def resolution_warnings(grid: Grid, coefficients: Moments) -> list[str]:
+    """Say along which axes the spectrum has not decayed at the grid's end, and what would do.
+
+    Parameters
+    ----------
+    grid : Grid
+        Of the coefficients.
+    coefficients : Moments
+        Fourier coefficients of the final state.
+    """
+    warnings = []
+    for axis, (points, kept) in enumerate(zip(grid.points, grid.kept, strict=True)):
+        tail = max(
+            _tail(np.asarray(getattr(coefficients, name)), grid, axis)
+            for name in EQUATIONS
+            if getattr(coefficients, name) is not None
+        )
+        if tail > RESOLVED:
+            name = "xyz"[axis]
+            # An exponential spectrum falls by the same factor per mode.
+            factor = min(np.log(RESOLVED) / np.log(min(tail, 0.3)), 8.0)
+            proposed = 2 * int(np.ceil(max(factor, 1.25) * points / 2.0))
+            warnings.append(
+                f"the spectrum along {name} has only decayed to {tail:.1e} of its largest "
+                f"coefficient at mode {kept}: take about {proposed} points instead of {points}."
+            )
+    return warnings
+
+
+def _tail(coefficients: np.ndarray, grid: Grid, axis: int) -> float:
+    """Return the largest coefficient in the last tenth of the modes along an axis."""
+    d = grid.dimensions
+    numbers = np.abs(grid.mode_numbers()[axis])
+    size = np.abs(coefficients)
+    largest = size.max()
+    last = np.broadcast_to(numbers >= np.ceil(0.9 * grid.kept[axis]), grid.modes)
+    outer = size.reshape(-1, *size.shape[-d:])[:, last]
+    return float(outer.max() / largest) if largest > 0.0 and outer.size else 0.0

@@ -1,0 +1,184 @@
+"""A periodic box of one, two or three dimensions and its Fourier transforms."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Float
+
+
+class Grid(eqx.Module):
+    """A periodic box with equally spaced points.
+
+    Products of fields are de-aliased by the 2/3 rule: of the Fourier modes m along an axis with N
+    points only ``|m| <= (N - 1) // 3`` are kept, so a product of two kept fields has no aliasing
+    error in the kept modes.
+
+    Attributes
+    ----------
+    points : tuple of int
+        Number of points per axis.
+    lengths : tuple of float
+        Length of the box per axis, dimensionless, scaled by L.
+    """
+
+    points: tuple[int, ...] = eqx.field(static=True)
+    lengths: tuple[float, ...] = eqx.field(static=True)
+
+    @property
+    def dimensions(self) -> int:
+        """Number of space dimensions."""
+        return len(self.points)
+
+    @property
+    def kept(self) -> tuple[int, ...]:
+        """Largest kept mode number per axis."""
+        return tuple((n - 1) // 3 for n in self.points)
+
+    @property
+    def modes(self) -> tuple[int, ...]:
+        """Shape of the kept Fourier coefficients; the last axis holds non-negative modes only."""
+        *others, last = self.kept
+        return (*(2 * k + 1 for k in others), last + 1)
+
+    def coordinates(self) -> tuple[np.ndarray, ...]:
+        """Return the positions of the points along each axis, scaled by L, shape ``[points]``."""
+        pairs = zip(self.points, self.lengths, strict=True)
+        return tuple(np.arange(n) * (length / n) for n, length in pairs)
+
+    def mode_numbers(self) -> tuple[np.ndarray, ...]:
+        """Return the kept integer mode numbers per axis, shaped to broadcast over the modes."""
+        *others, last = self.kept
+        axes = [np.concatenate([np.arange(k + 1), np.arange(-k, 0)]) for k in others]
+        axes.append(np.arange(last + 1))
+        return tuple(
+            axis.reshape([-1 if i == j else 1 for j in range(self.dimensions)])
+            for i, axis in enumerate(axes)
+        )
+
+    def wave_vector(self) -> tuple[np.ndarray, ...]:
+        """Return 2π m / length per axis, scaled by 1/L, shaped to broadcast over the modes."""
+        pairs = zip(self.mode_numbers(), self.lengths, strict=True)
+        return tuple(2.0 * np.pi * m / length for m, length in pairs)
+
+    def wave_number_squared(self) -> np.ndarray:
+        """Return |k|² of the kept modes, shape ``[*modes]``, scaled by 1/L²."""
+        return sum((k**2 for k in self.wave_vector()), start=np.zeros(self.modes))
+
+    def to_spectral(self, field: Float[Array, "*shape"]) -> Float[Array, "*coefficients"]:
+        """Return the kept Fourier coefficients of real fields.
+
+        Parameters
+        ----------
+        field : Array
+            Values on the points, shape ``[..., *x]``.
+
+        Returns
+        -------
+        Array
+            Shape ``[..., 2, *modes]``: real and imaginary parts, normalised so that the zeroth
+            coefficient is the mean.
+        """
+        d = self.dimensions
+        axes = tuple(range(-d, 0))
+        full = jnp.fft.rfftn(field, axes=axes, norm="forward")
+        full = full[..., : self.kept[-1] + 1]
+        for axis, k in zip(axes[:-1], self.kept[:-1], strict=True):
+            low = _slice(full, axis, 0, k + 1)
+            full = jnp.concatenate([low, _slice(full, axis, -k, None)], axis=axis) if k else low
+        return jnp.stack([full.real, full.imag], axis=-d - 1)
+
+    def to_fields(self, coefficients: Float[Array, "*coefficients"]) -> Float[Array, "*shape"]:
+        """Return the real fields of kept Fourier coefficients; the inverse of `to_spectral`.
+
+        Parameters
+        ----------
+        coefficients : Array
+            Shape ``[..., 2, *modes]``.
+
+        Returns
+        -------
+        Array
+            Values on the points, shape ``[..., *x]``.
+        """
+        d = self.dimensions
+        axes = tuple(range(-d, 0))
+        real, imaginary = jnp.moveaxis(coefficients, -d - 1, 0)
+        full = real + 1j * imaginary
+        for axis, k, n in zip(axes[:-1], self.kept[:-1], self.points[:-1], strict=True):
+            shape = list(full.shape)
+            shape[axis] = n - 2 * k - 1
+            parts = [_slice(full, axis, 0, k + 1), jnp.zeros(shape, full.dtype)]
+            parts += [_slice(full, axis, -k, None)] if k else []
+            full = jnp.concatenate(parts, axis=axis)
+        return jnp.fft.irfftn(full, s=self.points, axes=axes, norm="forward")
+
+    def rms(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
+        """Return the root mean square of a field over the box, by Parseval's identity."""
+        return jnp.sqrt(jnp.sum(jnp.sum(coefficients**2, axis=0) * _conjugate_weight(self)))
+
+    def peak(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
+        """Return max |f(x)| of a field over the whole box, not only over the points.
+
+        The largest value on the points is refined by Newton's method on the Fourier series, so the
+        result is smooth in the field and does not depend on where the points lie.
+        """
+        d = self.dimensions
+        values = jnp.abs(self.to_fields(coefficients))
+        largest = jnp.max(values)
+        start = jnp.unravel_index(jnp.argmax(values), self.points)
+        spacing = jnp.asarray(self.lengths) / jnp.asarray(self.points)
+        position = jnp.stack(start) * spacing
+        weighted = (coefficients[0] + 1j * coefficients[1]) * _conjugate_weight(self)
+
+        def newton(_: Array, position: Array) -> Array:
+            derivatives = _derivatives(self, weighted, position)
+            sign = jnp.sign(derivatives[(0,) * d])
+            gradient, hessian = _gradient_and_hessian(derivatives, d)
+            # The peak of a plane wave is a ridge: its Hessian is singular along the crest.
+            ridge = 1e-9 * jnp.max(jnp.abs(hessian)) + 1e-300
+            step = _solve(sign * hessian - ridge * jnp.eye(d), -sign * gradient)
+            return position + jnp.clip(step, -spacing / 2.0, spacing / 2.0)
+
+        position = lax.fori_loop(0, 3, newton, position)
+        position = lax.stop_gradient(position)
+        refined = jnp.abs(_derivatives(self, weighted, position, highest=0)[(0,) * d])
+        return jnp.maximum(refined, lax.stop_gradient(largest))
+
+
+def _conjugate_weight(grid: Grid) -> np.ndarray:
+    """Return 2 where a kept coefficient stands for itself and its conjugate too, else 1."""
+    weight = np.where(grid.mode_numbers()[-1] > 0, 2.0, 1.0)
+    return np.broadcast_to(weight, grid.modes)
+
+
+def _derivatives(
+    grid: Grid, weighted: Array, position: Float[Array, " d"], highest: int = 2
+) -> Float[Array, "..."]:
+    """Return all mixed derivatives of order 0..highest per axis of a Fourier series at a point."""
+    result = weighted
+    for axis, k in enumerate(grid.wave_vector()):
+        wave = jnp.asarray(k.ravel())
+        phase = jnp.exp(1j * wave * position[axis])
+        powers = jnp.stack([(1j * wave) ** order * phase for order in range(highest + 1)])
+        result = jnp.tensordot(result, powers, axes=([0], [1]))
+    return result.real
+
+
+def _gradient_and_hessian(derivatives: Array, d: int) -> tuple[Array, Array]:
+    unit = np.eye(d, dtype=int)
+    gradient = jnp.stack([derivatives[tuple(unit[i])] for i in range(d)])
+    rows = [[derivatives[tuple(unit[i] + unit[j])] for j in range(d)] for i in range(d)]
+    return gradient, jnp.stack([jnp.stack(row) for row in rows])
+
+
+def _solve(matrix: Float[Array, "d d"], vector: Float[Array, " d"]) -> Float[Array, " d"]:
+    return vector / matrix[0] if len(vector) == 1 else jnp.linalg.solve(matrix, vector)
+
+
+def _slice(array: Array, axis: int, start: int, stop: int | None) -> Array:
+    index = [slice(None)] * array.ndim
+    index[axis] = slice(start, stop)
+    return array[tuple(index)]

@@ -1,0 +1,174 @@
+"""The fields at time 0, from Fourier modes or from the last time of a result."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from triboflux.errors import InputError, shown_path
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from triboflux.case import Case, GridSpec, Mode
+
+_ROUND_OFF = 1e-12
+_NET_CHARGE_OF_A_FILE = 1e-10
+
+
+def initial_fields(
+    case: Case,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Evaluate the initial state on the points of the grid.
+
+    Point ``i`` of a direction with ``points`` points lies at ``i * length / points``.
+
+    Parameters
+    ----------
+    case : Case
+        A validated case.
+
+    Returns
+    -------
+    charge : numpy.ndarray
+        Mean charge, shape ``points``, scaled by Q0.
+    covariance : numpy.ndarray
+        Charge-velocity covariance, shape ``(dimensions, *points)``, scaled by Q0 sqrt(Theta).
+    variance : numpy.ndarray
+        Charge variance, shape ``points``, scaled by Q0^2.
+
+    Raises
+    ------
+    InputError
+        If the variance is negative somewhere, or a file given as initial state can't be read,
+        does not fit the grid, or has a net charge.
+    """
+    initial, grid = case.initial, case.grid
+    if initial.file is not None:
+        charge, covariance, variance = _fields_of_file(case, initial.file)
+    else:
+        charge = sum_of_modes(initial.charge, grid)
+        covariance = np.stack(
+            [
+                sum_of_modes([m for m in initial.covariance if m.component == component], grid)
+                for component in range(grid.dimensions)
+            ]
+        )
+        variance = sum_of_modes(initial.variance, grid)
+    require_non_negative(variance, grid)
+    return charge, covariance, variance
+
+
+def sum_of_modes(modes: Sequence[Mode], grid: GridSpec) -> NDArray[np.float64]:
+    """Evaluate a sum of Fourier modes on the points of a grid.
+
+    Parameters
+    ----------
+    modes : sequence of Mode
+        Modes with as many whole numbers as the grid has dimensions.
+    grid : GridSpec
+        The periodic box; only the number of points matters.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``grid.points``, in the scale of the amplitudes.
+    """
+    total = np.zeros(grid.points)
+    for mode in modes:
+        turns = np.zeros((1,) * grid.dimensions)
+        for axis, (waves, points) in enumerate(zip(mode.mode, grid.points, strict=True)):
+            shape = [1] * grid.dimensions
+            shape[axis] = points
+            # whole turns are dropped in integers, so that the phase keeps its accuracy
+            turns = turns + (np.arange(points) * waves % points / points).reshape(shape)
+        angle = 2 * math.pi * turns
+        if mode.sine:
+            total += mode.sine * np.sin(angle)
+        if mode.cosine:
+            total += mode.cosine * np.cos(angle)
+    return total
+
+
+def require_non_negative(variance: NDArray[np.float64], grid: GridSpec) -> None:
+    """Refuse a variance that is negative beyond round-off.
+
+    Parameters
+    ----------
+    variance : numpy.ndarray
+        Charge variance, shape ``grid.points``.
+    grid : GridSpec
+        Tells where the offending point lies.
+
+    Raises
+    ------
+    InputError
+        Names the smallest value and its place.
+    """
+    smallest = float(variance.min())
+    if smallest < -_ROUND_OFF * float(np.abs(variance).max()):
+        place = np.unravel_index(int(variance.argmin()), variance.shape)
+        coordinates = ", ".join(
+            f"{i * length / points:.6g}"
+            for i, length, points in zip(place, grid.lengths, grid.points, strict=True)
+        )
+        raise InputError.about(
+            "initial.variance",
+            f"is {smallest:.6g} at x = ({coordinates}), but must not be negative anywhere",
+        )
+
+
+def require_file(case: Case) -> None:
+    """Refuse a case whose initial state is a missing file, without reading it.
+
+    Parameters
+    ----------
+    case : Case
+        A validated case.
+
+    Raises
+    ------
+    InputError
+        If ``initial.file`` is given and no such file exists.
+    """
+    file = case.initial.file
+    if file is not None and not os.path.isfile(file):
+        raise InputError.about("initial.file", f"is {shown_path(file)}, which is no existing file")
+
+
+def _fields_of_file(
+    case: Case, file: str
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Read the last time of a result and check that it fits the case."""
+    from triboflux.result import load  # imports xarray, which only files need
+
+    require_file(case)
+    start = load(file)
+    name = f"is {shown_path(file)}"
+    for what in ("points", "lengths"):
+        theirs, ours = getattr(start.case.grid, what), getattr(case.grid, what)
+        if theirs != ours:
+            raise InputError.about(
+                "initial.file",
+                f"{name}, whose grid has {what} {list(theirs)}, but grid.{what} is {list(ours)}",
+            )
+    last = start.dataset.isel(time=-1)
+    charge, covariance, variance = (
+        np.asarray(last[field].values, dtype=np.float64)
+        for field in ("charge", "covariance", "variance")
+    )
+    for field, values in (("charge", charge), ("covariance", covariance), ("variance", variance)):
+        if not np.isfinite(values).all():
+            raise InputError.about("initial.file", f"{name}, whose last {field} is not finite")
+    net, peak = abs(float(charge.mean())), float(np.abs(charge).max())
+    if net > _NET_CHARGE_OF_A_FILE * peak and not case.initial.neutralising_background:
+        raise InputError.about(
+            "initial.file",
+            f"{name}, whose last charge has a net of {float(charge.mean()):.6g}, but must be "
+            "neutral unless initial.neutralising_background is true",
+        )
+    return charge, covariance, variance

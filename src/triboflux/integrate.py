@@ -1,0 +1,275 @@
+"""Integrating a model in time: pure functions from pytrees to pytrees.
+
+Nothing here validates, prints, reads or writes; `triboflux.solve` does that around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from triboflux.calculus import FourierCalculus
+from triboflux.grid import Grid
+from triboflux.integrators.controller import LadderController
+from triboflux.integrators.exponential import ExponentialRungeKutta5, SemilinearTerm
+from triboflux.integrators.linear import block_operator
+from triboflux.integrators.root import Illinois
+from triboflux.models.model import Model
+from triboflux.models.terms import Term, evaluate
+from triboflux.moments import Moments
+
+# Where in a step a stop lies is found to a thousandth of what the tolerance allows the state.
+STOP_PRECISION = 1e-3
+
+Scalar: TypeAlias = float | Float[Array, ""]
+
+
+class Settings(eqx.Module):
+    """How far and how accurately to integrate.
+
+    Attributes
+    ----------
+    t_end : Scalar
+        End time, scaled by L/√Θ.
+    rtol, atol : Scalar
+        Relative and absolute tolerance of the error per step, for the rms of each moment.
+    outputs : Array or None
+        Non-decreasing times from the current one to `t_end` at which to record the state.
+    stop_at_peak_charge : Scalar or None
+        Stop when the largest |Q| in the box falls to this value, scaled by Q0.
+    stop_at_rate : Scalar or None
+        Stop when the rms of ∂Q/∂t falls to this value, scaled by Q0 √Θ/L.
+    max_steps : int
+        Steps, rejected ones included, after which to return anyway.
+    adjoint : diffrax.AbstractAdjoint
+        How to differentiate; reverse mode by default.
+    """
+
+    t_end: Scalar
+    rtol: Scalar = 1e-6
+    atol: Scalar = 1e-9
+    outputs: Float[Array, " outputs"] | None = None
+    stop_at_peak_charge: Scalar | None = None
+    stop_at_rate: Scalar | None = None
+    max_steps: int = eqx.field(static=True, default=4096)
+    adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
+
+
+class Carry(eqx.Module):
+    """Where an integration stands; what a checkpoint has to hold.
+
+    Attributes
+    ----------
+    time : Array
+        Scaled by L/√Θ.
+    coefficients : Moments
+        Fourier coefficients of the state.
+    solver_state : object
+        The integrator's functions of the linear operator and their step.
+    next_step : Array
+        Length of the next step, not clipped to the end; 0 where none has been made yet.
+    """
+
+    time: Float[Array, ""]
+    coefficients: Moments
+    solver_state: Any
+    next_step: Float[Array, ""]
+
+
+class Outcome(eqx.Module):
+    """What an integration, or a segment of one, returns.
+
+    Attributes
+    ----------
+    carry : Carry
+        Where it stands now.
+    times : Array or None
+        The requested output times that were reached, ``inf`` for the others.
+    outputs : Moments or None
+        Fourier coefficients at these times, with a leading axis.
+    accepted, rejected : Array
+        Numbers of steps.
+    stopped : dict of str to Array
+        Whether the rule ``"peak_charge"`` or ``"rate"`` ended it.
+    finished : Array
+        Whether it is over: stopped, at the end, or failed; otherwise `max_steps` were made.
+    failed : Array
+        Whether the step size collapsed.
+    """
+
+    carry: Carry
+    times: Float[Array, " outputs"] | None
+    outputs: Moments | None
+    accepted: Int[Array, ""]
+    rejected: Int[Array, ""]
+    stopped: dict[str, Bool[Array, ""]]
+    finished: Bool[Array, ""]
+    failed: Bool[Array, ""]
+
+    @property
+    def time(self) -> Float[Array, ""]:
+        """The time reached; the stop time where a stop rule ended it, differentiable."""
+        return self.carry.time
+
+
+def semilinear_term(model: Model, grid: Grid) -> SemilinearTerm:
+    """Return a model's right-hand side, split for the exponential integrator.
+
+    Parameters
+    ----------
+    model : Model
+        Its linear terms become blocks per wave number, its products explicit functions.
+    grid : Grid
+        Where it is discretised.
+    """
+    calculus = FourierCalculus(grid)
+
+    def part(terms: tuple[Term, ...]) -> Callable[[Moments], Moments]:
+        return eqx.Partial(evaluate, terms, calculus)
+
+    return SemilinearTerm(block_operator(model, grid), tuple(map(part, model.sweeps())))
+
+
+def begin(model: Model, state: Moments, grid: Grid) -> Carry:
+    """Return the carry of a run that has not made a step.
+
+    Parameters
+    ----------
+    model : Model
+        What will be integrated.
+    state : Moments
+        Fields at time 0 on the points of the grid.
+    grid : Grid
+        Where the fields live; modes beyond the kept ones are dropped.
+    """
+    fields = {name: getattr(state, name) for name in model.evolves}
+    coefficients = Moments(**{name: grid.to_spectral(field) for name, field in fields.items()})
+    empty = eqx.filter_eval_shape(
+        lambda y: ExponentialRungeKutta5().init(semilinear_term(model, grid), 0.0, 1.0, y, None),
+        coefficients,
+    )
+    cache = jax.tree.map(
+        lambda leaf: jnp.zeros(leaf.shape, leaf.dtype) if hasattr(leaf, "shape") else leaf, empty
+    )
+    return Carry(jnp.zeros(()), coefficients, cache, jnp.zeros(()))
+
+
+def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outcome:
+    """Integrate on from a carry, for at most ``settings.max_steps`` steps.
+
+    No step is shortened where a segment ends, so a run in segments makes the same steps as one in a
+    single segment.
+
+    Parameters
+    ----------
+    model : Model
+        What is integrated.
+    carry : Carry
+        From `begin` or from an earlier outcome.
+    grid : Grid
+        Where the state lives.
+    settings : Settings
+        Output times before the carry's time are not allowed.
+    """
+    term, solver = semilinear_term(model, grid), ExponentialRungeKutta5()
+    controller = LadderController(settings.rtol, settings.atol)
+    estimate, _ = controller.init(
+        term,
+        carry.time,
+        settings.t_end,
+        carry.coefficients,
+        None,
+        None,
+        solver.func,
+        solver.error_order(term),
+    )
+    step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
+    rules = _stop_rules(term, grid, settings)
+    root_finder = Illinois(STOP_PRECISION * settings.rtol, 1e-300)
+    solution = diffrax.diffeqsolve(
+        term,
+        solver,
+        carry.time,
+        settings.t_end,
+        step,
+        carry.coefficients,
+        stepsize_controller=controller,
+        saveat=diffrax.SaveAt(
+            subs=_saved(settings),
+            solver_state=True,
+            controller_state=True,
+        ),
+        event=diffrax.Event(rules, root_finder, dict.fromkeys(rules, False)) if rules else None,
+        solver_state=carry.solver_state,
+        controller_state=step,
+        made_jump=False,
+        max_steps=settings.max_steps,
+        adjoint=settings.adjoint,
+        throw=False,
+    )
+    final = jax.tree.map(lambda y: y[0], solution.ys["end"])
+    time = solution.ts["end"][0]
+    exhausted = solution.result == diffrax.RESULTS.max_steps_reached
+    stopped = solution.event_mask if rules else {}
+    return Outcome(
+        Carry(time, final, solution.solver_state, solution.controller_state),
+        solution.ts.get("outputs"),
+        solution.ys.get("outputs"),
+        solution.stats["num_accepted_steps"],
+        solution.stats["num_rejected_steps"],
+        stopped,
+        ~exhausted,
+        ~exhausted & ~diffrax.is_okay(solution.result),
+    )
+
+
+def integrate(model: Model, state: Moments, grid: Grid, settings: Settings) -> Outcome:
+    """Integrate a model from fields at time 0 to the end time or a stop rule.
+
+    A pure function without validation or input and output: it can be differentiated, mapped over
+    batches and compiled. ``jax.grad`` of ``integrate(...).time`` is the sensitivity of a stop time.
+
+    Parameters
+    ----------
+    model : Model
+        From `triboflux.models.build`; its numbers may be traced.
+    state : Moments
+        Fields at time 0 on the points of the grid.
+    grid : Grid
+        The periodic box.
+    settings : Settings
+        How far and how accurately.
+
+    Returns
+    -------
+    Outcome
+        With Fourier coefficients; ``grid.to_fields`` brings them to the points.
+    """
+    return advance(model, begin(model, state, grid), grid, settings)
+
+
+def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
+    saved = {"end": diffrax.SubSaveAt(t1=True)}
+    if settings.outputs is not None:
+        saved["outputs"] = diffrax.SubSaveAt(ts=settings.outputs)
+    return saved
+
+
+def _stop_rules(term: SemilinearTerm, grid: Grid, settings: Settings) -> dict[str, Any]:
+    """Return functions of the state that fall through zero where the run is to stop."""
+
+    def peak_charge(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
+        return grid.peak(y.charge) - settings.stop_at_peak_charge
+
+    def rate(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
+        return grid.rms(term.vf(t, y, args).charge) - settings.stop_at_rate
+
+    rules = {"peak_charge": peak_charge, "rate": rate}
+    values = {"peak_charge": settings.stop_at_peak_charge, "rate": settings.stop_at_rate}
+    return {name: rule for name, rule in rules.items() if values[name] is not None}

@@ -1,0 +1,182 @@
+"""Linear operators whose functions an exponential integrator can evaluate exactly."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any, Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from triboflux.grid import Grid
+from triboflux.integrators.phi import phi_functions
+from triboflux.models.model import Model
+from triboflux.moments import Moments
+
+
+class LinearOperator(eqx.Module):
+    """A constant linear operator on a state, closed under analytic functions."""
+
+    @abstractmethod
+    def functions(self, order: int, times: Float[Array, " n"]) -> tuple[Self, ...]:
+        """Return φ_0(t A), ..., φ_order(t A) as operators with a leading axis over the times."""
+
+    @abstractmethod
+    def apply(self, state: Any) -> Any:
+        """Return the operator applied to a state, or to part of one."""
+
+
+class DenseOperator(LinearOperator):
+    """A matrix acting on a vector; the reference for small problems and for tests."""
+
+    matrix: Float[Array, "*n m m"]
+
+    def functions(self, order: int, times: Float[Array, " n"]) -> tuple[DenseOperator, ...]:
+        """Return φ_0(t A), ..., φ_order(t A)."""
+        scaled = self.matrix[:, :, None] * times[None, None]
+        return tuple(DenseOperator(jnp.moveaxis(f, -1, 0)) for f in phi_functions(scaled, order))
+
+    def apply(self, state: Float[Array, " m"]) -> Float[Array, " m"]:
+        """Return A y."""
+        return self.matrix @ state
+
+
+class BlockOperator(LinearOperator):
+    """The linear part of a moment model in Fourier space, small blocks for every wave number.
+
+    Isotropy makes the blocks depend on |k| only. With ``c = i k·C/|k|`` they are real: for a model
+    with covariance, one couples the charge and the longitudinal covariance c and one, diagonal,
+    holds the transverse covariance and the variance; for a model of scalars each has a 1×1 block.
+    They are stored once per distinct |k| until a function of the operator is asked for.
+
+    Attributes
+    ----------
+    grid : Grid
+        Whose modes it acts on.
+    vector : bool
+        Whether the covariance is evolved.
+    blocks : Array
+        Shape ``[m, m, block, distinct]``, or ``[m, m, block, *modes]`` once expanded, with leading
+        axes for several times and functions.
+    index : Array or None
+        Which distinct |k| a mode has, shape ``[*modes]``; ``None`` once expanded.
+    """
+
+    grid: Grid
+    vector: bool = eqx.field(static=True)
+    blocks: Float[Array, "..."]
+    index: Int[Array, "..."] | None
+
+    def functions(self, order: int, times: Float[Array, " n"]) -> tuple[BlockOperator, ...]:
+        """Return φ_0(t A), ..., φ_order(t A), expanded over the modes."""
+        scaled = self.blocks[None] * times[:, None, None, None, None]
+        functions = phi_functions(jnp.moveaxis(scaled, 0, 2), order)
+        return tuple(
+            BlockOperator(self.grid, self.vector, self._expand(jnp.moveaxis(f, 2, 0)), None)
+            for f in functions
+        )
+
+    def apply(self, state: Moments) -> Moments:
+        """Return the operator applied to Fourier coefficients; ``None`` moments count as zero."""
+        blocks = self._expand(self.blocks)
+        if self.vector:
+            return self._apply_vector(blocks, state)
+        scalars = [state.charge, state.variance]
+        results = [None if x is None else blocks[0, 0, i][None] * x for i, x in enumerate(scalars)]
+        return Moments(charge=results[0], variance=results[1])
+
+    def _apply_vector(self, blocks: Array, state: Moments) -> Moments:
+        transverse, variance = blocks[0, 0, 1], blocks[1, 1, 1]
+        charge = covariance = None
+        if state.charge is not None:
+            charge = blocks[0, 0, 0][None] * state.charge
+            covariance = _vector(self.grid, blocks[1, 0, 0][None] * state.charge)
+        if state.covariance is not None:
+            along = _longitudinal(self.grid, state.covariance)
+            into_charge = blocks[0, 1, 0][None] * along
+            charge = into_charge if charge is None else charge + into_charge
+            rest = _vector(self.grid, (blocks[1, 1, 0] - transverse)[None] * along)
+            rest = rest + transverse[None, None] * state.covariance
+            covariance = rest if covariance is None else covariance + rest
+        if state.variance is None:
+            return Moments(charge, covariance, None)
+        return Moments(charge, covariance, variance[None] * state.variance)
+
+    def _expand(self, table: Array) -> Array:
+        return table if self.index is None else table[..., self.index]
+
+
+def block_operator(model: Model, grid: Grid) -> BlockOperator:
+    """Return the linear part of a model on a grid.
+
+    Parameters
+    ----------
+    model : Model
+        Whose linear terms are taken.
+    grid : Grid
+        Whose kept modes they act on.
+
+    Raises
+    ------
+    NotImplementedError
+        If a linear term couples the variance with another moment.
+    """
+    k, index = _distinct_wave_numbers(grid)
+    vector = "covariance" in model.evolves
+    places = _places(vector)
+    m = 1 + vector
+    blocks = [[[jnp.zeros_like(k) for _ in range(2)] for _ in range(m)] for _ in range(m)]
+    for term in model.linear_terms():
+        if (term.moment, term.source) not in places:
+            raise NotImplementedError(
+                f"the linear term '{term.name}' couples {term.source} into {term.moment}"
+            )
+        row, column, block = places[term.moment, str(term.source)]
+        added = term.coefficient * term.operator.symbol(k)
+        blocks[row][column][block] = blocks[row][column][block] + added
+        if term.moment == term.source == "covariance":
+            added = term.coefficient * term.operator.transverse(k)
+            blocks[0][0][1] = blocks[0][0][1] + added
+    stacked = jnp.stack([jnp.stack([jnp.stack(c) for c in row]) for row in blocks])
+    return BlockOperator(grid, vector, stacked, jnp.asarray(index))
+
+
+def _places(vector: bool) -> dict[tuple[str, str], tuple[int, int, int]]:
+    """Return row, column and block of each coupling."""
+    if not vector:
+        return {("charge", "charge"): (0, 0, 0), ("variance", "variance"): (0, 0, 1)}
+    coupled = ("charge", "covariance")
+    places = {(a, b): (i, j, 0) for i, a in enumerate(coupled) for j, b in enumerate(coupled)}
+    return places | {("variance", "variance"): (1, 1, 1)}
+
+
+def _distinct_wave_numbers(grid: Grid) -> tuple[Array, np.ndarray]:
+    """Return the distinct |k| and which one each mode has."""
+    squared = grid.wave_number_squared()
+    # Round-off must not split modes of equal |k| that differ by the order of summation.
+    rounded = np.round(squared / max(squared.max(), 1e-300), 12)
+    distinct, index = np.unique(rounded, return_inverse=True)
+    values = np.zeros(len(distinct))
+    values[index.ravel()] = squared.ravel()
+    return jnp.sqrt(jnp.asarray(values)), index.reshape(grid.modes)
+
+
+def _unit(grid: Grid) -> list[Array]:
+    inverse = grid.wave_number_squared()
+    inverse[(0,) * grid.dimensions] = 1.0
+    inverse = 1.0 / np.sqrt(inverse)
+    return [jnp.asarray(k * inverse) for k in grid.wave_vector()]
+
+
+def _longitudinal(grid: Grid, vector: Float[Array, "d 2 *modes"]) -> Float[Array, "2 *modes"]:
+    """Return c = i k·C/|k|; zero at k = 0."""
+    along = sum(u[None] * f for u, f in zip(_unit(grid), vector, strict=True))
+    return jnp.stack([-along[1], along[0]])
+
+
+def _vector(grid: Grid, along: Float[Array, "2 *modes"]) -> Float[Array, "d 2 *modes"]:
+    """Return the longitudinal vector -i (k/|k|) c."""
+    turned = jnp.stack([along[1], -along[0]])
+    return jnp.stack([u[None] * turned for u in _unit(grid)])

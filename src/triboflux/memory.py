@@ -1,0 +1,94 @@
+"""Whether a case fits in this machine's memory."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from triboflux.errors import InputError
+
+if TYPE_CHECKING:
+    from triboflux.case import Case
+
+_BYTES = 8
+_GIBIBYTE = 2**30
+
+
+def memory_estimate(case: Case) -> int:
+    """Estimate the peak memory of a run on top of the bare program.
+
+    With ``d`` dimensions, the integrator needs about ``20 + 40 d`` arrays of doubles on the grid
+    for stages, coefficients and transforms, and every output time ``3 d + 5`` arrays for charge,
+    covariance, variance, field, potential and realizability margin.
+
+    Parameters
+    ----------
+    case : Case
+        A validated case.
+
+    Returns
+    -------
+    int
+        Bytes.
+    """
+    dimensions = case.grid.dimensions
+    outputs = case.run.outputs
+    # the initial and the last time are kept besides a count of outputs
+    times = outputs + 2 if isinstance(outputs, int) else len(outputs) + 1
+    working = 20 + 40 * dimensions
+    return _BYTES * case.grid.size * (working + times * (3 * dimensions + 5))
+
+
+def available_memory() -> int | None:
+    """Return the memory that this process can still take, in bytes, or None if unknown."""
+    limits = [
+        limit for limit in (_available_by_kernel(), _limit_of_container()) if limit is not None
+    ]
+    return min(limits, default=None)
+
+
+def _available_by_kernel() -> int | None:
+    try:
+        for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024
+    except (OSError, ValueError, IndexError):
+        pass  # not Linux: the installed memory is the next best bound
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def _limit_of_container() -> int | None:
+    try:
+        return int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii"))
+    except (OSError, ValueError):
+        return None  # no such file, or "max"
+
+
+def require_memory(case: Case) -> None:
+    """Refuse a case that does not fit in the available memory.
+
+    Parameters
+    ----------
+    case : Case
+        A validated case.
+
+    Raises
+    ------
+    InputError
+        Names the estimate, what is available, and what to change.
+    """
+    needed, available = memory_estimate(case), available_memory()
+    if available is None or needed <= available:
+        return
+    outputs = case.run.outputs
+    count = outputs if isinstance(outputs, int) else len(outputs)
+    raise InputError.about(
+        "grid.points",
+        f"is {list(case.grid.points)}, which with {count} outputs needs about "
+        f"{needed / _GIBIBYTE:,.3g} GiB of memory, but must fit in the available "
+        f"{available / _GIBIBYTE:,.3g} GiB",
+    )

@@ -1,0 +1,228 @@
+"""From the seven numbers and a closure set to the coefficients of the equations."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from triboflux import closures
+from triboflux.closures import ClosureSet
+from triboflux.errors import OutOfRangeError
+from triboflux.numbers import Numbers
+
+Scalar: TypeAlias = float | Float[Array, ""]
+
+WARN_TRANSFERRED_FRACTION = 0.25
+
+
+class TransportCoefficients(eqx.Module):
+    """The coefficients of (5.2)-(5.4), dimensionless with L, √Θ and Q0.
+
+    Attributes
+    ----------
+    flux : Scalar
+        1 + η of the kinetic flux.
+    triboconductivity : Scalar
+        1/τ_σ.
+    dispersion : Scalar
+        1/Pe.
+    gradient_production : Scalar
+        P, covariance from the charge gradient.
+    field_production : Scalar
+        S, covariance from the electric field.
+    electric_force : Scalar
+        u = u_e/u_k.
+    covariance_destruction : Scalar
+        R.
+    third_moment : Scalar
+        K1.
+    third_moment_trace : Scalar
+        K1 + n_t K2.
+    shear : Scalar
+        G1.
+    covariance_dispersion : Scalar
+        G1/K1, in front of ∇²C.
+    divergence_dispersion : Scalar
+        What stands in front of ∇∇·C.
+    variance_destruction : Scalar
+        F.
+    variance_field_production : Scalar
+        B.
+    variance_collisional_dispersion : Scalar
+        Dv_coll.
+    variance_flux_destruction : Scalar
+        The bracket of (4.3), 1/Dv_kin.
+    transferred_fraction : Scalar
+        γΘ^(a/2), the mean fraction of the charge difference that a collision passes over.
+    """
+
+    flux: Scalar
+    triboconductivity: Scalar
+    dispersion: Scalar
+    gradient_production: Scalar
+    field_production: Scalar
+    electric_force: Scalar
+    covariance_destruction: Scalar
+    third_moment: Scalar
+    third_moment_trace: Scalar
+    shear: Scalar
+    covariance_dispersion: Scalar
+    divergence_dispersion: Scalar
+    variance_destruction: Scalar
+    variance_field_production: Scalar
+    variance_collisional_dispersion: Scalar
+    variance_flux_destruction: Scalar
+    transferred_fraction: Scalar
+
+    @property
+    def longitudinal_dispersion(self) -> Scalar:
+        """Dispersion of a covariance that is parallel to its own gradient."""
+        return self.covariance_dispersion + self.divergence_dispersion
+
+
+def transport_coefficients(
+    numbers: Numbers, closure_set: ClosureSet, dimensions: int
+) -> TransportCoefficients:
+    """Return the coefficients of the transport equations.
+
+    Parameters
+    ----------
+    numbers : Numbers
+        The seven dimensionless numbers. Values may be traced JAX scalars.
+    closure_set : ClosureSet
+        Made for the restitution of `numbers`.
+    dimensions : int
+        Number of space dimensions of the grid, which `published` takes as that of a trace.
+
+    Returns
+    -------
+    TransportCoefficients
+        Not checked; see `validity`.
+    """
+    c = closure_set
+    scale = numbers.length_ratio
+    inverse_peclet = 1.0 / numbers.peclet
+    inverse_tau_c = 1.0 / numbers.tau_c
+    inverse_tau_p = 1.0 / numbers.tau_p
+    inverse_tau_sigma = 1.0 / numbers.tau_sigma
+    inverse_tau_xi = scale**2 * inverse_peclet / c["exchange_time"]
+    # The mechanism is absent, not infinitely strong, where both factors are at their limits.
+    per_peclet = _times(numbers.tau_c, inverse_peclet)
+    per_tau_sigma = _times(numbers.tau_c, inverse_tau_sigma)
+
+    collision = c["third_moment_collision"] * inverse_tau_c
+    k1 = (
+        collision
+        + c["third_moment_drag"] * inverse_tau_p
+        + c["third_moment_exchange"] * inverse_tau_xi
+    )
+    k2 = c["third_moment_trace"] * inverse_tau_c
+    n_t = c.trace_dimensions(dimensions)
+    g1 = 1.0 + c["third_moment_shear"] * inverse_tau_xi / scale
+    g2 = c["third_moment_divergence"] * inverse_tau_xi / scale
+    trace_part = k2 * (2.0 * g1 + n_t * g2) / (k1 + n_t * k2)
+
+    destruction = c["covariance_collision"] * inverse_tau_c + inverse_tau_p
+    regain = c["variance_flux_product"] * per_peclet * scale**2
+    return TransportCoefficients(
+        flux=1.0 + c["collisional_flux_number"] * scale * inverse_peclet,
+        triboconductivity=inverse_tau_sigma,
+        dispersion=inverse_peclet,
+        gradient_production=1.0
+        + c["covariance_production_gradient"] * numbers.restitution * scale * inverse_peclet,
+        field_production=c["covariance_production_field"]
+        * numbers.restitution
+        * scale
+        * inverse_tau_sigma,
+        electric_force=numbers.energy_ratio,
+        covariance_destruction=destruction + c["covariance_exchange"] * inverse_tau_xi,
+        third_moment=k1,
+        third_moment_trace=k1 + n_t * k2,
+        shear=g1,
+        covariance_dispersion=g1 / k1,
+        divergence_dispersion=(g1 + g2 - trace_part) / k1,
+        variance_destruction=inverse_tau_xi
+        - c["variance_regain"] * per_peclet * inverse_peclet * scale**4,
+        variance_field_production=c["variance_production_field"]
+        * per_tau_sigma
+        * inverse_tau_sigma
+        * scale**2,
+        variance_collisional_dispersion=c["variance_dispersion"]
+        * per_peclet
+        * inverse_peclet
+        * scale**2,
+        variance_flux_destruction=destruction
+        + (c["variance_flux_exchange"] - regain) * inverse_tau_xi,
+        transferred_fraction=c["transferred_fraction"] * per_peclet * scale**2,
+    )
+
+
+def _times(time: Scalar, rate: Scalar) -> Scalar:
+    """Return time * rate, 0 where the rate vanishes identically and the time may be infinite."""
+    return 0.0 if isinstance(rate, float) and rate == 0.0 else time * rate
+
+
+def validity(
+    coefficients: TransportCoefficients, closure_set: ClosureSet, allow_out_of_range: bool = False
+) -> tuple[str, ...]:
+    """Check the range of validity of the closures and return warnings, one sentence each.
+
+    Parameters
+    ----------
+    coefficients : TransportCoefficients
+        With concrete values.
+    closure_set : ClosureSet
+        Where they come from.
+    allow_out_of_range : bool
+        Accept collisions that on average pass over more than the charge difference.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a quantity that has to be positive is not, or γΘ^(a/2) is at or above its limit; the
+        sentence names the quantity.
+    """
+    positive = {
+        "the covariance destruction rate R": coefficients.covariance_destruction,
+        "K1 of the third-order moment": coefficients.third_moment,
+        "K1 + n_t K2 of the third-order moment": coefficients.third_moment_trace,
+        "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin": coefficients.variance_flux_destruction,
+        "G1 of the third-order moment": coefficients.shear,
+        "the longitudinal dispersion of the covariance": coefficients.longitudinal_dispersion,
+    }
+    for name, value in positive.items():
+        if not float(value) > 0.0:
+            raise OutOfRangeError(
+                f"numbers: {name} is {float(value):.4g}; it must be positive for the "
+                f"'{closure_set.name}' closures to hold, so take a smaller tau_c or a larger peclet."
+            )
+    fraction = float(coefficients.transferred_fraction)
+    limit = closures.fraction_limit(closure_set.exponent)
+    sentence = (
+        f"γΘ^(a/2) = {fraction:.4g}: collisions on average pass over more than the charge "
+        f"difference (the limit is {limit:.4g})"
+    )
+    warnings = []
+    if fraction >= limit:
+        if not allow_out_of_range:
+            raise OutOfRangeError(
+                f"numbers: {sentence}; take a smaller tau_c or a larger peclet, "
+                "or set run.allow_out_of_range = true."
+            )
+        warnings.append(f"{sentence}, outside the range of the closures.")
+    elif fraction >= WARN_TRANSFERRED_FRACTION:
+        warnings.append(
+            f"γΘ^(a/2) = {fraction:.4g}: collisions pass over a large part of the charge "
+            f"difference; the linear law wants it well below 1/2."
+        )
+    growth = -float(coefficients.variance_destruction)
+    if growth > 0.0 or (growth == 0.0 and fraction > 0.0):
+        origin = (
+            "because the printed λ' = 12 is inverted"
+            if closure_set.name == "published"
+            else "outside the range of the closures"
+        )
+        warnings.append(f"F <= 0: the charge variance grows as exp({growth:.3g} t), {origin}.")
+    return tuple(warnings)

@@ -1,0 +1,169 @@
+"""The full second-order model: transport equations for charge, covariance and variance."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+
+from triboflux.models import terms as t
+from triboflux.models.coefficients import TransportCoefficients
+from triboflux.models.model import Model
+
+VARIANCE_TIMES_FIELD = t.Product("V E", ("variance", "electric_field"), lambda v, e: v[None] * e)
+FLUX_ALONG_GRADIENT = t.Product(
+    "C·∇Q", ("covariance", "charge_gradient"), lambda c, g: jnp.sum(c * g, axis=0)
+)
+FIELD_SQUARED = t.Product("|E|²", ("electric_field",), lambda e: jnp.sum(e**2, axis=0))
+
+
+def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return the terms of the mean charge equation (5.2)."""
+    return (
+        t.Term(
+            "kinetic flux", "kinetic flux", "(5.2)", "charge", t.DIVERGENCE, "covariance", -c.flux
+        ),
+        t.Term(
+            "triboconductivity",
+            "triboconductivity",
+            "(5.2)",
+            "charge",
+            t.FIELD_DIVERGENCE,
+            "charge",
+            -c.triboconductivity,
+        ),
+        t.Term(
+            "collisional dispersion",
+            "collisional dispersion",
+            "(5.2)",
+            "charge",
+            t.LAPLACIAN,
+            "charge",
+            c.dispersion,
+        ),
+    )
+
+
+def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return the terms of the charge-velocity covariance equation (5.3), in vector form (3.10)."""
+    return (
+        t.Term(
+            "production by charge gradient",
+            "production",
+            "(5.3)",
+            "covariance",
+            t.GRADIENT,
+            "charge",
+            -c.gradient_production,
+        ),
+        t.Term(
+            "production by electric field",
+            "production",
+            "(5.3)",
+            "covariance",
+            t.ELECTRIC_FIELD,
+            "charge",
+            c.field_production,
+        ),
+        t.Term(
+            "electric force",
+            "electric force",
+            "(5.3)",
+            "covariance",
+            t.IDENTITY,
+            VARIANCE_TIMES_FIELD,
+            c.electric_force,
+        ),
+        t.Term(
+            "destruction",
+            "destruction",
+            "(5.3)",
+            "covariance",
+            t.IDENTITY,
+            "covariance",
+            -c.covariance_destruction,
+        ),
+        t.Term(
+            "dispersion",
+            "dispersion",
+            "(3.7)",
+            "covariance",
+            t.LAPLACIAN,
+            "covariance",
+            c.covariance_dispersion,
+        ),
+        t.Term(
+            "dispersion of the divergence",
+            "dispersion",
+            "(3.7)",
+            "covariance",
+            t.GRADIENT_OF_DIVERGENCE,
+            "covariance",
+            c.divergence_dispersion,
+        ),
+    )
+
+
+def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return the terms of the charge variance equation (5.4)."""
+    return (
+        t.Term(
+            "production by charge gradient",
+            "production by covariance and charge gradient",
+            "(5.4)",
+            "variance",
+            t.IDENTITY,
+            FLUX_ALONG_GRADIENT,
+            -2.0,
+        ),
+        t.Term(
+            "production by electric field",
+            "production by electric field",
+            "(5.4)",
+            "variance",
+            t.IDENTITY,
+            FIELD_SQUARED,
+            c.variance_field_production,
+        ),
+        t.Term(
+            "destruction",
+            "destruction",
+            "(5.4)",
+            "variance",
+            t.IDENTITY,
+            "variance",
+            -c.variance_destruction,
+        ),
+        t.Term(
+            "collisional dispersion",
+            "collisional dispersion",
+            "(5.4)",
+            "variance",
+            t.LAPLACIAN,
+            "variance",
+            c.variance_collisional_dispersion,
+        ),
+        t.Term(
+            "kinetic dispersion",
+            "kinetic dispersion",
+            "(5.4)",
+            "variance",
+            t.LAPLACIAN,
+            "variance",
+            1.0 / c.variance_flux_destruction,
+        ),
+    )
+
+
+def full(coefficients: TransportCoefficients) -> Model:
+    """Return the full second-order model (5.2)-(5.4).
+
+    Parameters
+    ----------
+    coefficients : TransportCoefficients
+        Of the equations.
+    """
+    return Model(
+        "full",
+        ("charge", "covariance", "variance"),
+        charge_terms(coefficients) + covariance_terms(coefficients) + variance_terms(coefficients),
+        coefficients,
+    )

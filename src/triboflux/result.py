@@ -1,0 +1,321 @@
+"""What a run returns: labelled fields, status, statistics and provenance."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+import triboflux
+from triboflux.case import Case
+from triboflux.case_checks import DIMENSION_NAMES
+from triboflux.errors import InputError, shown, shown_path
+from triboflux.files import written_at_once
+from triboflux.memory import available_memory
+
+FORMAT_VERSION = 1
+"""Version of the file format; raised when older programs could not read newer files."""
+
+_FIELDS = {
+    "charge": ("mean charge of a particle", "Q0"),
+    "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)"),
+    "variance": ("charge variance", "Q0^2"),
+    "field": ("electric field", "n Q0 L / epsilon_0"),
+    "potential": ("electric potential", "n Q0 L^2 / epsilon_0"),
+    "peak_charge": ("largest absolute mean charge in the box", "Q0"),
+    "realizability_margin": ("variance minus squared covariance, negative if impossible", "Q0^2"),
+}
+"""Long name and scale of every variable."""
+
+_VECTORS = ("covariance", "field")
+_TEXTS = ("case_toml", "status", "stop_reason", "stats_json", "warnings_json", "versions_json")
+_PACKAGES = ("triboflux", "jax", "diffrax", "equinox", "numpy", "xarray", "netCDF4")
+
+
+def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
+    """Return the dimension names of a dataset variable.
+
+    Parameters
+    ----------
+    variable : str
+        Such as ``covariance``.
+    dimensions : int
+        Number of dimensions of the box.
+
+    Returns
+    -------
+    tuple of str
+        Such as ``("time", "component", "x")``.
+    """
+    if variable in ("time", "peak_charge"):
+        return ("time",)
+    vector = ("component",) if variable in _VECTORS else ()
+    return ("time", *vector, *DIMENSION_NAMES[:dimensions])
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that decide a result."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            # run from its source folder
+            found[package] = triboflux.__version__ if package == "triboflux" else "unknown"
+    return found
+
+
+@dataclass(frozen=True)
+class Result:
+    """The outcome of a run.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        Fields over ``time``, ``component`` and ``x``, ``y``, ``z``, scaled as each variable's
+        ``scale`` says; provenance in the attributes. The last time is the stop time.
+    """
+
+    dataset: xr.Dataset
+
+    @property
+    def status(self) -> str:
+        """``"ok"``, or what went wrong, such as ``"nonphysical"`` or ``"diverged"``."""
+        return str(self.dataset.attrs["status"])
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the run ended."""
+        return str(self.dataset.attrs["stop_reason"])
+
+    @property
+    def stats(self) -> dict[str, Any]:
+        """Numbers of steps and other statistics of the run."""
+        return json.loads(self.dataset.attrs["stats_json"])
+
+    @property
+    def case(self) -> Case:
+        """The case that was run."""
+        return Case.from_toml_text(self.dataset.attrs["case_toml"])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that the user must be told."""
+        return tuple(json.loads(self.dataset.attrs["warnings_json"]))
+
+    def to_netcdf(self, path: str | PathLike[str], overwrite: bool = False) -> None:
+        """Write the result as NetCDF, all of it or nothing.
+
+        Parameters
+        ----------
+        path : path-like
+            The file to write; its folder must exist.
+        overwrite : bool
+            Replace an existing file.
+
+        Raises
+        ------
+        InputError
+            If the folder is missing or the file exists.
+        TribofluxError
+            If writing fails; no file is left then.
+        """
+        encoding: dict[Any, dict[str, Any]] = {
+            name: {"zlib": True, "complevel": 1, "_FillValue": None}
+            for name in self.dataset.variables
+        }
+        with written_at_once(path, overwrite=overwrite) as partial:
+            self.dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+
+
+def build_dataset(
+    case: Case,
+    times: ArrayLike,
+    charge: ArrayLike,
+    covariance: ArrayLike,
+    variance: ArrayLike,
+    field: ArrayLike,
+    potential: ArrayLike,
+    peak_charge: ArrayLike,
+    *,
+    status: str,
+    stop_reason: str,
+    stats: Mapping[str, Any],
+    warnings: Sequence[str] = (),
+    attributes: Mapping[str, str | int | float] | None = None,
+) -> xr.Dataset:
+    """Label the fields of a run and add its provenance.
+
+    Parameters
+    ----------
+    case : Case
+        What was run.
+    times : array_like
+        Shape ``(time,)``; the last is the stop time.
+    charge, variance, potential : array_like
+        Shape ``(time, *points)``.
+    covariance, field : array_like
+        Shape ``(time, dimensions, *points)``.
+    peak_charge : array_like
+        Largest absolute charge in the box, shape ``(time,)``.
+    status, stop_reason : str
+        How the run ended.
+    stats : mapping
+        Statistics of the run, such as numbers of steps; must be expressible as JSON.
+    warnings : sequence of str
+        Sentences that the user must be told.
+    attributes : mapping, optional
+        Further attributes of the dataset, such as the trace dimension of the closures.
+
+    Returns
+    -------
+    xarray.Dataset
+        All arrays are doubles, dimensionless; ``scale`` names what each was divided by.
+
+    Raises
+    ------
+    ValueError
+        If shapes contradict each other.
+    """
+    covariance, variance = np.asarray(covariance), np.asarray(variance)
+    arrays = {
+        "charge": charge,
+        "covariance": covariance,
+        "variance": variance,
+        "field": field,
+        "potential": potential,
+        "peak_charge": peak_charge,
+        "realizability_margin": variance - (covariance**2).sum(axis=1),
+    }
+    variables: dict[str, Any] = {}
+    for name, values in arrays.items():
+        long_name, scale = _FIELDS[name]
+        labels = {"long_name": long_name, "units": "1", "scale": scale}
+        dimensions = dimensions_of(name, case.grid.dimensions)
+        variables[name] = (dimensions, np.asarray(values, dtype=np.float64), labels)
+    return xr.Dataset(
+        variables,
+        coords=_coordinates(case, times),
+        attrs={
+            **(attributes or {}),
+            "title": case.title,
+            "format_version": FORMAT_VERSION,
+            "case_toml": case.to_toml(),
+            "status": status,
+            "stop_reason": stop_reason,
+            "stats_json": json.dumps(dict(stats), default=_plain),
+            "warnings_json": json.dumps(list(warnings)),
+            "versions_json": json.dumps(versions()),
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        },
+    )
+
+
+def _plain(value: Any) -> Any:
+    """Turn numpy and JAX numbers into what JSON knows."""
+    return value.tolist()
+
+
+def _coordinates(case: Case, times: ArrayLike) -> dict[str, Any]:
+    """Return the labelled coordinates of a dataset."""
+    labels = {"long_name": "time", "units": "1", "scale": "L / sqrt(Theta)"}
+    coordinates: dict[str, Any] = {
+        "time": ("time", np.asarray(times, dtype=np.float64), labels),
+        "component": (
+            "component",
+            np.arange(case.grid.dimensions),
+            {"long_name": "vector component: 0 is x, 1 is y, 2 is z", "units": "1"},
+        ),
+    }
+    grid = zip(DIMENSION_NAMES, case.grid.points, case.grid.lengths, strict=False)
+    for name, points, length in grid:
+        labels = {"long_name": f"position along {name}", "units": "1", "scale": "L"}
+        coordinates[name] = (name, np.arange(points) * (length / points), labels)
+    return coordinates
+
+
+def load(path: str | PathLike[str]) -> Result:
+    """Read a result that `Result.to_netcdf` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+        The NetCDF file; it is read whole and closed.
+
+    Returns
+    -------
+    Result
+        Equal to the one that was written.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, too large for the memory, or not one of ours.
+    """
+    name = f"result {shown_path(path)}"
+    if not os.path.isfile(path):
+        raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+    try:
+        with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as opened:
+            _require_ours(opened, name)
+            return Result(opened.load())
+    except InputError:
+        raise
+    # what the readers raise on damaged files
+    except (OSError, RuntimeError, ValueError, LookupError) as error:
+        reason = shown(str(error).partition("\n")[0], 120)[1:-1]
+        raise InputError(f"{name} is no readable NetCDF file: {reason}.") from error
+
+
+def _require_ours(dataset: xr.Dataset, name: str) -> None:
+    """Refuse a dataset that is not a complete result of a known format."""
+    version = dataset.attrs.get("format_version")
+    if version is None:
+        raise InputError(f"{name} was not written by triboflux (it has no format_version).")
+    if version != FORMAT_VERSION:
+        raise InputError(
+            f"{name} has format_version {shown(version)}, but this triboflux reads "
+            f"{FORMAT_VERSION}."
+        )
+    for attribute in _TEXTS:
+        if not isinstance(dataset.attrs.get(attribute), str):
+            raise InputError(f"{name} is damaged: its attribute {attribute} is missing.")
+    for attribute, kind in (("stats_json", dict), ("warnings_json", list)):
+        try:
+            readable = isinstance(json.loads(dataset.attrs[attribute]), kind)
+        except (ValueError, RecursionError):
+            readable = False
+        if not readable:
+            raise InputError(f"{name} is damaged: its attribute {attribute} is unreadable.")
+    try:
+        case = Result(dataset).case
+    except InputError as error:
+        raise InputError(f"{name} is damaged: its case is not allowed, {error}") from None
+    _require_shapes(dataset, case, name)
+    available = available_memory()
+    if available is not None and dataset.nbytes > available:
+        raise InputError(f"{name} holds {dataset.nbytes:,} bytes, more than the memory available.")
+
+
+def _require_shapes(dataset: xr.Dataset, case: Case, name: str) -> None:
+    """Refuse a dataset whose variables do not fit its case's grid."""
+    sizes = dict(zip(DIMENSION_NAMES, case.grid.points, strict=False))
+    sizes |= {"component": case.grid.dimensions, "time": dataset.sizes.get("time", 0)}
+    for variable in ("time", *_FIELDS):
+        expected = dimensions_of(variable, case.grid.dimensions)
+        if variable not in dataset.variables or dataset[variable].dims != expected:
+            raise InputError(f"{name} is damaged: its variable {variable} is missing or misshapen.")
+        if any(dataset.sizes[step] != sizes[step] for step in expected) or not sizes["time"]:
+            raise InputError(f"{name} is damaged: {variable} does not fit its case's grid.")
+        if dataset[variable].dtype.kind != "f":
+            raise InputError(f"{name} is damaged: {variable} does not hold numbers.")

@@ -1,0 +1,251 @@
+"""From a validated case to a result."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from triboflux import closures, diagnostics, models
+from triboflux.calculus import FourierCalculus
+from triboflux.errors import InputError
+from triboflux.grid import Grid
+from triboflux.initial_state import initial_fields
+from triboflux.integrate import Carry, Outcome, Settings, advance, begin
+from triboflux.moments import Moments
+from triboflux.result import Result, build_dataset
+
+if TYPE_CHECKING:
+    from jaxtyping import Array
+
+    from triboflux.case import Case
+
+# A segment has to end often enough to show progress, and seldom enough to cost nothing.
+SMALL_GRID, STEPS_SMALL, STEPS_LARGE = 2**14, 256, 4
+
+_advance = eqx.filter_jit(advance)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a running integration stands.
+
+    Attributes
+    ----------
+    time, t_end : float
+        Scaled by L/√Θ.
+    steps, rejected : int
+        Accepted and rejected so far.
+    peak_charge : float
+        Largest |Q| in the box, scaled by Q0.
+    fraction : float
+        Estimated part of the run that is done, from 0 to 1.
+    """
+
+    time: float
+    t_end: float
+    steps: int
+    rejected: int
+    peak_charge: float
+    fraction: float
+
+
+@dataclass
+class _Record:
+    """What has come out of the segments so far."""
+
+    times: list[np.ndarray] = field(default_factory=list)
+    fields: list[dict[str, np.ndarray]] = field(default_factory=list)
+    accepted: int = 0
+    rejected: int = 0
+
+    def add(self, grid: Grid, times: Array, coefficients: Moments) -> None:
+        self.times.append(np.asarray(times))
+        observed = _observe(grid, coefficients)
+        self.fields.append({name: np.asarray(values) for name, values in observed.items()})
+
+    def joined(self) -> dict[str, np.ndarray]:
+        return {name: np.concatenate([f[name] for f in self.fields]) for name in self.fields[0]}
+
+
+def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) -> Result:
+    """Run a case.
+
+    Parameters
+    ----------
+    case : Case
+        What to run.
+    on_progress : Callable, optional
+        Called with a `Progress` after every segment of steps.
+
+    Returns
+    -------
+    Result
+        Its status is ``"ok"`` if the run ended as the case asks, ``"diverged"`` if the step size
+        collapsed; everything up to there is in the dataset.
+
+    Raises
+    ------
+    InputError
+        If the stop value lies above the initial peak charge.
+    OutOfRangeError
+        If the numbers are outside the range of validity of the closures.
+    """
+    started = clock.perf_counter()
+    closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
+    model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
+    warnings = list(models.validity(model.coefficients, closure_set, case.run.allow_out_of_range))
+    grid = Grid(case.grid.points, case.grid.lengths)
+    carry = begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
+    record = _Record()
+    _check_stop_value(case, grid, carry)
+
+    outcome = _run_segments(case, model, grid, carry, record, on_progress)
+    fields = record.joined()
+    times = np.concatenate(record.times)
+    status = "diverged" if bool(outcome.failed) else "ok"
+    warnings += diagnostics.resolution_warnings(grid, outcome.carry.coefficients)
+    warnings += diagnostics.realizability_warnings(grid, times, fields)
+    stats = {
+        "accepted": record.accepted,
+        "rejected": record.rejected,
+        "seconds": round(clock.perf_counter() - started, 3),
+    }
+    dataset = build_dataset(
+        case,
+        times,
+        **fields,
+        status=status,
+        stop_reason=_stop_reason(case, outcome),
+        stats=stats,
+        warnings=warnings,
+        attributes={"trace_dimensions": closure_set.trace_dimensions(grid.dimensions)},
+    )
+    return Result(dataset)
+
+
+def _check_stop_value(case: Case, grid: Grid, carry: Carry) -> None:
+    value = case.run.stop_at_peak_charge
+    if value is None:
+        return
+    peak = float(_peak(grid, carry.coefficients.charge))
+    if value >= peak:
+        raise InputError(
+            f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
+            f"charge, {peak:.6g}."
+        )
+
+
+def _run_segments(
+    case: Case,
+    model: models.Model,
+    grid: Grid,
+    carry: Carry,
+    record: _Record,
+    on_progress: Callable[[Progress], None] | None,
+) -> Outcome:
+    """Integrate segment by segment, recording outputs, until the run is over."""
+    run = case.run
+    wanted = _output_times(case)
+    small = math.prod(grid.points) <= SMALL_GRID
+    settings = Settings(
+        *map(jnp.asarray, (run.t_end, run.rtol, run.atol)),
+        stop_at_peak_charge=_optional(run.stop_at_peak_charge),
+        stop_at_rate=_optional(run.stop_at_rate),
+        max_steps=STEPS_SMALL if small else STEPS_LARGE,
+    )
+    initial_peak = None
+    while True:
+        # Times that are done move to the end, where they are recorded again only if it is reached.
+        pending = np.full_like(wanted, run.t_end)
+        left = wanted[sum(map(len, record.times)) :]
+        pending[: len(left)] = left
+        segment = eqx.tree_at(
+            lambda s: s.outputs, settings, jnp.asarray(pending), is_leaf=lambda x: x is None
+        )
+        outcome = _advance(model, carry, grid, segment)
+        reached = min(int(np.sum(np.isfinite(outcome.times))), len(left))
+        if reached:
+            record.add(grid, outcome.times[:reached], _first(outcome.outputs, reached))
+        record.accepted += int(outcome.accepted)
+        record.rejected += int(outcome.rejected)
+        carry = outcome.carry
+        peak = float(_peak(grid, carry.coefficients.charge))
+        initial_peak = initial_peak or max(peak, 1e-300)
+        if on_progress is not None:
+            done = _fraction(case, float(carry.time), peak, initial_peak)
+            now = Progress(
+                float(carry.time), run.t_end, record.accepted, record.rejected, peak, done
+            )
+            on_progress(now)
+        if bool(outcome.finished):
+            break
+    time = float(carry.time)
+    if not record.times or record.times[-1][-1] < time:
+        last = jax.tree.map(lambda a: a[None], carry.coefficients)
+        record.add(grid, np.array([time]), last)
+    return outcome
+
+
+def _output_times(case: Case) -> np.ndarray:
+    outputs = case.run.outputs
+    if isinstance(outputs, int):
+        return np.linspace(0.0, case.run.t_end, outputs) if outputs > 1 else np.zeros(1)
+    return np.asarray(outputs, dtype=float)
+
+
+def _optional(value: float | None) -> Array | None:
+    return None if value is None else jnp.asarray(value)
+
+
+def _first(stacked: Moments, count: int) -> Moments:
+    return jax.tree.map(lambda a: a[:count], stacked)
+
+
+def _fraction(case: Case, time: float, peak: float, initial_peak: float) -> float:
+    """Estimate how much of the run is done, by time or by the decay of the charge."""
+    fraction = time / case.run.t_end
+    stop = case.run.stop_at_peak_charge
+    if stop is not None and 0.0 < peak < initial_peak:
+        fraction = max(fraction, math.log(peak / initial_peak) / math.log(stop / initial_peak))
+    return min(fraction, 1.0)
+
+
+def _stop_reason(case: Case, outcome: Outcome) -> str:
+    if bool(outcome.failed):
+        return f"the step size collapsed at t = {float(outcome.time):.6g}"
+    if bool(outcome.stopped.get("peak_charge", False)):
+        return f"peak charge fell to {case.run.stop_at_peak_charge:g}"
+    if bool(outcome.stopped.get("rate", False)):
+        return f"the rate of change of the charge fell to {case.run.stop_at_rate:g}"
+    return f"reached t_end = {case.run.t_end:g}"
+
+
+@eqx.filter_jit
+def _peak(grid: Grid, charge: Array) -> Array:
+    return grid.peak(charge)
+
+
+@eqx.filter_jit
+def _observe(grid: Grid, coefficients: Moments) -> dict[str, Any]:
+    """Return the fields of a result from Fourier coefficients with a leading time axis."""
+    calculus = FourierCalculus(grid)
+
+    def one(moments: Moments) -> dict[str, Array]:
+        return {
+            "charge": grid.to_fields(moments.charge),
+            "covariance": grid.to_fields(moments.covariance),
+            "variance": grid.to_fields(moments.variance),
+            "field": grid.to_fields(calculus.electric_field(moments.charge)),
+            "potential": grid.to_fields(calculus.potential(moments.charge)),
+            "peak_charge": grid.peak(moments.charge),
+        }
+
+    return jax.vmap(one)(coefficients)

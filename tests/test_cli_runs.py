@@ -1,0 +1,231 @@
+"""Runs from the command line: results, exit codes, interruption, progress, cache."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from tests.cases import data, fake_result
+from tests.processes import command, surroundings, triboflux
+from triboflux import cli, terminal
+from triboflux.case import Case
+from triboflux.errors import TribofluxError
+from triboflux.result import load
+
+# Runs the command line with a solver that only pretends.
+PRETENDING = """
+import sys, time
+from types import ModuleType, SimpleNamespace
+from tests.cases import fake_result
+from triboflux import cli, terminal
+
+def solve(case, *, on_progress=None):
+    print("solving", flush=True)
+    for step in range(11):
+        time.sleep(DELAY)
+        if on_progress is not None:
+            on_progress(SimpleNamespace(
+                time=step / 10, t_end=1.0, steps=step, rejected=0,
+                peak_charge=1 - step / 20, fraction=step / 10))
+    return fake_result(case)
+
+module = sys.modules["triboflux.solve"] = ModuleType("triboflux.solve")
+module.solve = solve
+terminal._PATIENCE = 0.05
+cli.main()
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "case.toml").write_text(Case(**data()).to_toml())
+    return tmp_path
+
+
+# ------------------------------------------------------------------ runs
+
+
+@pytest.fixture
+def pretend(monkeypatch):
+    """Replace the solver; return a function that calls `main` in this process."""
+    monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", "off")
+
+    def call(*arguments, result=fake_result):
+        def solve(case, *, on_progress=None):
+            assert on_progress is None
+            return result(case)
+
+        module = ModuleType("triboflux.solve")
+        module.solve = solve
+        monkeypatch.setitem(sys.modules, "triboflux.solve", module)
+        monkeypatch.setattr(sys, "argv", ["triboflux", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code
+
+    return call
+
+
+def test_run_writes_a_result_and_tells(folder, pretend, capsys):
+    out = folder / "out.nc"
+    assert pretend("run", folder / "case.toml", "-o", out) == 0
+    told = capsys.readouterr()
+    assert told.err == "warning: covariance is unrealizable\n"
+    assert told.out == (
+        "ok: end time; t = 1, peak charge 0.5, steps 12 accepted and 3 rejected; "
+        f"written to '{out}'\n"
+    )
+    assert load(out).case == Case(**data())
+
+
+def test_overwriting_is_asked_for(folder, pretend):
+    out = folder / "out.nc"
+    out.write_text("old")
+    assert pretend("run", folder / "case.toml", "-o", out, "--overwrite") == 0
+    assert load(out).status == "ok"
+
+
+def test_quiet_run_is_silent(folder, pretend, capsys):
+    assert pretend("run", folder / "case.toml", "-o", folder / "out.nc", "--quiet") == 0
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "")
+    assert (folder / "out.nc").is_file()
+
+
+def test_status_decides_the_exit_code(folder, pretend, capsys):
+    def diverged(case):
+        return fake_result(case, status="diverged", stop_reason="not finite")
+
+    out = folder / "out.nc"
+    assert pretend("run", folder / "case.toml", "-o", out, result=diverged) == 3
+    assert capsys.readouterr().out.startswith("diverged: not finite; ")
+    assert load(out).status == "diverged"
+
+
+@pytest.mark.parametrize("error", [TribofluxError("the sky fell."), MemoryError()])
+def test_failing_solver_writes_nothing(folder, pretend, capsys, error):
+    def fail(case):
+        raise error
+
+    assert pretend("run", folder / "case.toml", "-o", folder / "out.nc", result=fail) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("error: the ")
+    assert told.count("\n") == 1
+    assert not (folder / "out.nc").exists()
+
+
+def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
+    monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", "off")
+    calls = []
+
+    def reproduce(number, folder, *, overwrite=False, on_progress=None):
+        calls.append((number, overwrite))
+        return [folder / f"figure{number}.png"]
+
+    module = ModuleType("triboflux.figures")
+    module.reproduce = reproduce
+    monkeypatch.setitem(sys.modules, "triboflux.figures", module)
+    for arguments in ([], ["--figure", "2", "--overwrite"]):
+        monkeypatch.setattr(sys, "argv", ["triboflux", "reproduce", "-o", str(folder), *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 0
+    assert calls == [(1, False), (2, False), (2, True)]
+    names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
+    assert names == ["figure1.png", "figure2.png", "figure2.png"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_interrupted_run_leaves_nothing(folder):
+    code = PRETENDING.replace("DELAY", "1.0")
+    process = subprocess.Popen(
+        command("run", "case.toml", "-o", "out.nc", code=code),
+        cwd=folder,
+        env=surroundings(TRIBOFLUX_CACHE_DIR="off"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "solving\n"
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors == "interrupted: nothing was written\n"
+    assert sorted(path.name for path in folder.iterdir()) == ["case.toml"]
+
+
+# ------------------------------------------------------------------ progress and cache
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a POSIX pseudo-terminal")
+@pytest.mark.parametrize(
+    ("delay", "options", "expected"),
+    [("0.05", (), True), ("0.0", (), False), ("0.05", ("--quiet",), False)],
+)
+def test_progress_bar_on_a_terminal(folder, delay, options, expected):
+    import pty
+
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        command(
+            "run", "case.toml", "-o", "out.nc", *options, code=PRETENDING.replace("DELAY", delay)
+        ),
+        cwd=folder,
+        env=surroundings(TRIBOFLUX_CACHE_DIR="off", TERM="xterm"),
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+    )
+    os.close(theirs)
+    assert process.wait(30) == 0
+    os.set_blocking(ours, False)
+    try:
+        drawn = os.read(ours, 100_000).decode()
+    except OSError:  # nothing was ever written
+        drawn = ""
+    finally:
+        os.close(ours)
+        process.stdout.close()
+    assert ("peak charge 0." in drawn) == expected
+
+
+def test_progress_bar_waits_a_second(monkeypatch):
+    clock = iter([0.5, 0.99])
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: next(clock))
+    monkeypatch.setattr(terminal, "_rich_bar", lambda: pytest.fail("too early"))
+    bar = terminal.ProgressBar(since=0.0)
+    for fraction in (0.1, 0.2):
+        bar(SimpleNamespace(time=0.1, t_end=1.0, peak_charge=1.0, fraction=fraction))
+    bar.close()
+
+
+def test_cache_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", str(tmp_path))
+    assert terminal.cache_folder() == tmp_path
+    monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", "off")
+    assert terminal.cache_folder() is None
+    monkeypatch.delenv("TRIBOFLUX_CACHE_DIR")
+    monkeypatch.setenv("LOCALAPPDATA" if os.name == "nt" else "XDG_CACHE_HOME", str(tmp_path))
+    assert terminal.cache_folder() == tmp_path / "triboflux" / "jax"
+
+
+@pytest.mark.parametrize("kind", ["folder", "unwritable", "jax"])
+def test_cache_is_set_up_in_silence(folder, kind):
+    code = (
+        "from triboflux.terminal import use_compilation_cache\n"
+        "use_compilation_cache()\n"
+        "import jax; print(jax.config.jax_compilation_cache_dir)\n"
+    )
+    (folder / "file").touch()
+    environment = {"TRIBOFLUX_CACHE_DIR": str(folder / ("cache" if kind == "folder" else "file/a"))}
+    if kind == "jax":
+        environment = {"JAX_COMPILATION_CACHE_DIR": "theirs"}
+    else:
+        environment["JAX_COMPILATION_CACHE_DIR"] = ""
+    done = triboflux(folder=folder, code=code, environment=environment)
+    assert (done.returncode, done.stderr) == (0, "")
+    expected = {"folder": str(folder / "cache"), "unwritable": "", "jax": "theirs"}[kind]
+    assert done.stdout.strip() == expected

@@ -1,0 +1,34 @@
+"""What a run needs of the memory, and the refusal of what does not fit."""
+
+import pytest
+
+from tests.cases import data
+from triboflux import memory
+from triboflux.case import Case
+from triboflux.errors import InputError
+
+
+def test_memory_grows_with_points_dimensions_and_outputs():
+    def estimate(points, outputs=1):
+        return memory.memory_estimate(
+            Case(**data(grid__points=points, initial__charge=[], run__outputs=outputs))
+        )
+
+    assert estimate([64]) == 8 * 64 * (60 + 3 * 8)
+    assert estimate([16, 4]) == 8 * 64 * (100 + 3 * 11)
+    assert estimate([4, 4, 4]) == 8 * 64 * (140 + 3 * 14)
+    assert estimate([64], [0.0, 0.5, 1.0]) == 8 * 64 * (60 + 4 * 8)
+
+
+def test_a_grid_that_cannot_fit_is_refused(monkeypatch):
+    case = Case(**data(grid__points=[4096] * 3, initial__charge=[]))
+    monkeypatch.setattr(memory, "available_memory", lambda: 16 * 2**30)
+    with pytest.raises(InputError, match=r"^grid.points is \[4096, 4096, 4096\], which with 20 "):
+        memory.require_memory(case)
+    monkeypatch.setattr(memory, "available_memory", lambda: None)
+    memory.require_memory(case)
+
+
+def test_this_machine_has_memory():
+    available = memory.available_memory()
+    assert available is None or available > 2**20
