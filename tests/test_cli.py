@@ -131,7 +131,7 @@ def test_missing_initial_state(folder):
 
 
 def test_reproduce_needs_its_folder(folder):
-    sentence = refused("reproduce", "-o", "none", folder=folder)
+    sentence = refused("reproduce", "-o", "none/deep", folder=folder)
     assert sentence == "output folder 'none' does not exist."
 
 

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -129,6 +130,7 @@ def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
     module = ModuleType("triboflux.figures")
     module.reproduce = reproduce
     monkeypatch.setitem(sys.modules, "triboflux.figures", module)
+    monkeypatch.setattr("triboflux.figures", module, raising=False)
     for arguments in ([], ["--figure", "2", "--overwrite"]):
         monkeypatch.setattr(sys, "argv", ["triboflux", "reproduce", "-o", str(folder), *arguments])
         with pytest.raises(SystemExit) as ended:
@@ -229,3 +231,57 @@ def test_cache_is_set_up_in_silence(folder, kind):
     assert (done.returncode, done.stderr) == (0, "")
     expected = {"folder": str(folder / "cache"), "unwritable": "", "jax": "theirs"}[kind]
     assert done.stdout.strip() == expected
+
+
+# ------------------------------------------------------------------ the real solver
+
+CASE_B = {
+    "numbers__tau_c": 0.1,
+    "closures": "published",
+    "grid__points": [64],
+    "run__stop_at_peak_charge": 0.5,
+}
+
+
+@pytest.mark.slow
+def test_real_run(folder):
+    (folder / "case.toml").write_text(Case(**data(**CASE_B)).to_toml())
+    done = triboflux("run", "case.toml", "-o", "out.nc", folder=folder)
+    assert done.returncode == 0
+    assert done.stdout.startswith("ok: peak charge fell to 0.5; t = 0.1653")
+    assert " None " not in done.stdout
+    warnings = done.stderr.splitlines()[:-1]
+    assert warnings
+    assert all(line.startswith("warning: ") for line in warnings)
+    result = load(folder / "out.nc")
+    assert float(result.dataset["peak_charge"][-1]) == pytest.approx(0.5, abs=1e-6)
+    assert result.case == Case(**data(**CASE_B))
+    assert sorted(path.name for path in folder.iterdir()) == ["case.toml", "out.nc"]
+
+
+def test_stop_value_above_the_initial_peak(folder):
+    (folder / "case.toml").write_text(Case(**data(run__stop_at_peak_charge=1.5)).to_toml())
+    done = triboflux("run", "case.toml", "-o", "out.nc", folder=folder)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: run.stop_at_peak_charge")
+    assert done.stderr.count("\n") == 2
+    assert not (folder / "out.nc").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_real_run_is_interrupted_while_it_compiles(folder):
+    case = Case(**data(grid__points=[64, 64, 64], initial__charge=[], run__outputs=1))
+    (folder / "case.toml").write_text(case.to_toml())
+    process = subprocess.Popen(
+        command("run", "case.toml", "-o", "out.nc", code="from triboflux.cli import main; main()"),
+        cwd=folder,
+        env=surroundings(TRIBOFLUX_CACHE_DIR="off"),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(4)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert errors == "interrupted: nothing was written\n"
+    assert sorted(path.name for path in folder.iterdir()) == ["case.toml"]

@@ -13,6 +13,7 @@ import xarray as xr
 from tests.cases import data, fake_result
 from triboflux.case import Case
 from triboflux.errors import InputError, TribofluxError
+from triboflux.files import discard_partial_files, written_at_once
 from triboflux.initial_state import initial_fields
 from triboflux.result import FORMAT_VERSION, Result, load, versions
 
@@ -152,6 +153,17 @@ def test_interrupted_writing_leaves_nothing(result, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         result.to_netcdf(tmp_path / "out.nc")
     assert os.listdir(tmp_path) == []
+
+
+def test_files_that_another_thread_writes_can_be_discarded(tmp_path):
+    with written_at_once(tmp_path / "out.nc") as partial:
+        partial.write_text("half of it")
+        discard_partial_files()
+        assert os.listdir(tmp_path) == []
+        partial.write_text("all of it")
+    assert os.listdir(tmp_path) == ["out.nc"]
+    discard_partial_files()
+    assert os.listdir(tmp_path) == ["out.nc"]
 
 
 class TestLoadingWhatIsNotOurs:

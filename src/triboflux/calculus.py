@@ -7,15 +7,17 @@ points. The finite-difference one is `triboflux.integrators.finite_difference.Fi
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
 from triboflux.grid import Grid
 
 
+@runtime_checkable
 class Discretisation(Protocol):
     """What a term needs of a space discretisation; vectors have a leading component axis."""
 
@@ -75,8 +77,8 @@ class FourierCalculus(eqx.Module):
     def potential(self, charge: Float[Array, "2 *modes"]) -> Float[Array, "2 *modes"]:
         """Return φ with ∇²φ = -(Q - ⟨Q⟩), ⟨φ⟩ = 0, scaled by n Q0 L²/ε0; (5.6)."""
         squared = self.grid.wave_number_squared()
-        squared[(0,) * self.grid.dimensions] = jnp.inf
-        return charge * _broadcast(1.0 / squared, charge)
+        inverse = jnp.where(squared > 0.0, 1.0 / jnp.where(squared > 0.0, squared, 1.0), 0.0)
+        return charge * _broadcast(inverse, charge)
 
     def without_mean(self, scalar: Float[Array, "2 *modes"]) -> Float[Array, "2 *modes"]:
         """Return f - ⟨f⟩."""
@@ -91,11 +93,12 @@ class FourierCalculus(eqx.Module):
         return self.grid.to_spectral(values)
 
 
-def _broadcast(factor: Array, field: Array) -> Array:
-    return jnp.asarray(factor).reshape((1,) * (field.ndim - factor.ndim) + factor.shape)
+def _broadcast(factor: ArrayLike, field: Array) -> Array:
+    array = jnp.asarray(factor)
+    return array.reshape((1,) * (field.ndim - array.ndim) + array.shape)
 
 
-def _times_i(coefficients: Array, wave: Array) -> Array:
+def _times_i(coefficients: Array, wave: np.ndarray) -> Array:
     """Return i k f for real and imaginary parts along the leading axis."""
     real, imaginary = coefficients
     return jnp.stack([-wave * imaginary, wave * real])

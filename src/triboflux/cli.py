@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import platform
 import sys
 from pathlib import Path
@@ -37,6 +38,9 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 
 def main() -> None:
     """Run the command line and end the process with its exit code."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # a terminal without the needed letters gets escapes instead of a crash
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         app(prog_name="triboflux")
     except TribofluxError as error:
@@ -92,20 +96,29 @@ def run(
     from triboflux.files import require_writable
     from triboflux.initial_state import require_file
     from triboflux.memory import require_memory
-    from triboflux.terminal import interruptible, progress_bar, use_compilation_cache
+    from triboflux.terminal import (
+        in_background,
+        interruptible,
+        progress_bar,
+        use_compilation_cache,
+    )
 
-    with interruptible():
+    with interruptible("nothing was written"):
         case = Case.from_toml(case_file)
         require_writable(output, overwrite=overwrite)
         if output.exists() and output.samefile(case_file):
             raise InputError(f"output {shown_path(output)} is the case file itself.")
         require_file(case)
         require_memory(case)
-        use_compilation_cache()
-        from triboflux.solve import solve
-
         with progress_bar(quiet=quiet) as on_progress:
-            result = solve(case, on_progress=on_progress)
+
+            def work() -> Result:
+                use_compilation_cache()
+                from triboflux.solve import solve
+
+                return solve(case, on_progress=on_progress)
+
+            result = in_background(work)
         result.to_netcdf(output, overwrite=overwrite)
     if not quiet:
         _report(result, output)
@@ -129,7 +142,8 @@ def _report(result: Result, output: Path) -> None:
 @app.command(epilog="Example: triboflux reproduce --figure 2 -o figures")
 def reproduce(
     folder: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the figures.")
+        Path,
+        typer.Option("--output", "-o", metavar="DIR", help="Folder, made if absent."),
     ],
     figure: Annotated[
         int | None, typer.Option(min=1, max=2, help="Number of the paper's figure; all if absent.")
@@ -139,20 +153,32 @@ def reproduce(
 ) -> None:
     """Reproduce figures of the paper, with the results behind them."""
     from triboflux.files import require_folder
-    from triboflux.terminal import interruptible, progress_bar, use_compilation_cache
+    from triboflux.terminal import interruptible
 
-    with interruptible():
+    with interruptible("finished figures are kept, nothing else was written"):
+        if not folder.exists():
+            require_folder(folder.parent)
+            folder.mkdir()
         require_folder(folder)
-        use_compilation_cache()
-        from triboflux.figures import reproduce as reproduce_figure
-
         for number in (1, 2) if figure is None else (figure,):
-            with progress_bar(quiet=quiet) as on_progress:
-                paths = reproduce_figure(
-                    number, folder, overwrite=overwrite, on_progress=on_progress
-                )
+            paths = _reproduce(number, folder, overwrite=overwrite, quiet=quiet)
             for path in () if quiet else paths:
                 print(path)
+
+
+def _reproduce(number: int, folder: Path, *, overwrite: bool, quiet: bool) -> list[Path]:
+    """Write one figure in the background and return its files."""
+    from triboflux.terminal import in_background, progress_bar, use_compilation_cache
+
+    with progress_bar(quiet=quiet) as on_progress:
+
+        def work() -> list[Path]:
+            use_compilation_cache()
+            from triboflux import figures
+
+            return figures.reproduce(number, folder, overwrite=overwrite, on_progress=on_progress)
+
+        return in_background(work)
 
 
 if __name__ == "__main__":

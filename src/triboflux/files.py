@@ -11,6 +11,8 @@ from pathlib import Path
 
 from triboflux.errors import InputError, TribofluxError, shown, shown_path
 
+_partial: set[Path] = set()
+
 
 def require_folder(path: str | PathLike[str]) -> None:
     """Refuse an output folder that is missing or can't be written to.
@@ -94,6 +96,7 @@ def written_at_once(
     require_writable(target, overwrite=overwrite)
     # in the same folder, because only within a file system is a renaming atomic
     partial = target.with_name(f".{uuid.uuid4().hex}{target.suffix[:20]}")
+    _partial.add(partial)
     try:
         yield partial
         require_writable(target, overwrite=overwrite)
@@ -102,4 +105,11 @@ def written_at_once(
         reason = shown(str(error), 200)[1:-1]
         raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
     finally:
+        partial.unlink(missing_ok=True)
+        _partial.discard(partial)
+
+
+def discard_partial_files() -> None:
+    """Remove what other threads are writing, before the process ends under them."""
+    for partial in tuple(_partial):
         partial.unlink(missing_ok=True)

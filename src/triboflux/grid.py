@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import functools as ft
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
+
+# Up to how many points a transform in one dimension is a product with a matrix.
+DENSE_POINTS = 96
+# How many summits of a field compete for its peak.
+SUMMITS = 2
 
 
 class Grid(eqx.Module):
@@ -43,6 +51,11 @@ class Grid(eqx.Module):
         *others, last = self.kept
         return (*(2 * k + 1 for k in others), last + 1)
 
+    @property
+    def _dense(self) -> bool:
+        """Whether a product with a matrix is faster than a fast transform."""
+        return self.dimensions == 1 and self.points[0] <= DENSE_POINTS
+
     def coordinates(self) -> tuple[np.ndarray, ...]:
         """Return the positions of the points along each axis, scaled by L, shape ``[points]``."""
         pairs = zip(self.points, self.lengths, strict=True)
@@ -63,9 +76,10 @@ class Grid(eqx.Module):
         pairs = zip(self.mode_numbers(), self.lengths, strict=True)
         return tuple(2.0 * np.pi * m / length for m, length in pairs)
 
-    def wave_number_squared(self) -> np.ndarray:
-        """Return |k|² of the kept modes, shape ``[*modes]``, scaled by 1/L²."""
-        return sum((k**2 for k in self.wave_vector()), start=np.zeros(self.modes))
+    def wave_number_squared(self) -> Float[Array, "*modes"]:
+        """Return |k|² of the kept modes, scaled by 1/L²."""
+        # Made from one small array per axis, so that no program carries a constant of full size.
+        return sum((jnp.asarray(k) ** 2 for k in self.wave_vector()), start=jnp.zeros(self.modes))
 
     def to_spectral(self, field: Float[Array, "*shape"]) -> Float[Array, "*coefficients"]:
         """Return the kept Fourier coefficients of real fields.
@@ -81,6 +95,10 @@ class Grid(eqx.Module):
             Shape ``[..., 2, *modes]``: real and imaginary parts, normalised so that the zeroth
             coefficient is the mean.
         """
+        if self._dense:
+            _, forward = _dense_transforms(self.points[0])
+            flat = field @ jnp.asarray(forward)
+            return flat.reshape((*field.shape[:-1], 2, *self.modes))
         d = self.dimensions
         axes = tuple(range(-d, 0))
         full = jnp.fft.rfftn(field, axes=axes, norm="forward")
@@ -103,6 +121,9 @@ class Grid(eqx.Module):
         Array
             Values on the points, shape ``[..., *x]``.
         """
+        if self._dense:
+            inverse, _ = _dense_transforms(self.points[0])
+            return coefficients.reshape((*coefficients.shape[:-2], -1)) @ jnp.asarray(inverse)
         d = self.dimensions
         axes = tuple(range(-d, 0))
         real, imaginary = jnp.moveaxis(coefficients, -d - 1, 0)
@@ -119,18 +140,17 @@ class Grid(eqx.Module):
         """Return the root mean square of a field over the box, by Parseval's identity."""
         return jnp.sqrt(jnp.sum(jnp.sum(coefficients**2, axis=0) * _conjugate_weight(self)))
 
+    @eqx.filter_jit
     def peak(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
         """Return max |f(x)| of a field over the whole box, not only over the points.
 
-        The largest value on the points is refined by Newton's method on the Fourier series, so the
-        result is smooth in the field and does not depend on where the points lie.
+        The highest summits among the points are refined by Newton's method on the Fourier series, so
+        the result does not depend on where the points lie, and is smooth in the field but for kinks
+        where one summit overtakes another.
         """
         d = self.dimensions
         values = jnp.abs(self.to_fields(coefficients))
-        largest = jnp.max(values)
-        start = jnp.unravel_index(jnp.argmax(values), self.points)
         spacing = jnp.asarray(self.lengths) / jnp.asarray(self.points)
-        position = jnp.stack(start) * spacing
         weighted = (coefficients[0] + 1j * coefficients[1]) * _conjugate_weight(self)
 
         def newton(_: Array, position: Array) -> Array:
@@ -142,16 +162,39 @@ class Grid(eqx.Module):
             step = _solve(sign * hessian - ridge * jnp.eye(d), -sign * gradient)
             return position + jnp.clip(step, -spacing / 2.0, spacing / 2.0)
 
-        position = lax.fori_loop(0, 3, newton, position)
-        position = lax.stop_gradient(position)
-        refined = jnp.abs(_derivatives(self, weighted, position, highest=0)[(0,) * d])
-        return jnp.maximum(refined, lax.stop_gradient(largest))
+        def height(position: Array) -> Array:
+            return jnp.abs(_derivatives(self, weighted, position, highest=0)[(0,) * d])
+
+        starts = _summits(values) * spacing[None]
+        refined = jax.vmap(lambda start: lax.fori_loop(0, 3, newton, start))(starts)
+        # The highest point need not lie below the highest summit: all are refined, then compared.
+        positions = lax.stop_gradient(jnp.concatenate([refined, starts]))
+        return height(positions[jnp.argmax(jax.vmap(height)(positions))])
+
+
+@ft.cache
+def _dense_transforms(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return matrices from kept coefficients to values and back, in one dimension."""
+    phase = 2.0 * np.pi * np.outer(np.arange((points - 1) // 3 + 1), np.arange(points)) / points
+    waves = np.concatenate([np.cos(phase), -np.sin(phase)])
+    weight = np.where(np.arange(len(phase)) > 0, 2.0, 1.0)
+    return np.tile(weight, 2)[:, None] * waves, waves.T / points
 
 
 def _conjugate_weight(grid: Grid) -> np.ndarray:
     """Return 2 where a kept coefficient stands for itself and its conjugate too, else 1."""
     weight = np.where(grid.mode_numbers()[-1] > 0, 2.0, 1.0)
     return np.broadcast_to(weight, grid.modes)
+
+
+def _summits(values: Float[Array, "*x"]) -> Int[Array, "n d"]:
+    """Return the indices of the highest points that no neighbour along an axis exceeds."""
+    axes = range(values.ndim)
+    neighbours = [jnp.roll(values, step, axis) for axis in axes for step in (1, -1)]
+    exceeded = jnp.any(jnp.stack(neighbours) > values[None], axis=0)
+    heights = jnp.where(exceeded, -1.0, values).ravel()
+    _, chosen = lax.top_k(heights, min(SUMMITS, values.size))
+    return jnp.stack(jnp.unravel_index(chosen, values.shape), axis=-1)
 
 
 def _derivatives(

@@ -104,8 +104,8 @@ class Outcome(eqx.Module):
     """
 
     carry: Carry
-    times: Float[Array, " outputs"] | None
-    outputs: Moments | None
+    times: Any
+    outputs: Any
     accepted: Int[Array, ""]
     rejected: Int[Array, ""]
     stopped: dict[str, Bool[Array, ""]]
@@ -191,7 +191,7 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
     )
     step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
     rules = _stop_rules(term, grid, settings)
-    root_finder = Illinois(STOP_PRECISION * settings.rtol, 1e-300)
+    root_finder = Illinois(STOP_PRECISION * settings.rtol)
     solution = diffrax.diffeqsolve(
         term,
         solver,
@@ -213,14 +213,16 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
         adjoint=settings.adjoint,
         throw=False,
     )
-    final = jax.tree.map(lambda y: y[0], solution.ys["end"])
-    time = solution.ts["end"][0]
+    times: Any = solution.ts
+    states: Any = solution.ys
+    final = jax.tree.map(lambda y: y[0], states["end"])
     exhausted = solution.result == diffrax.RESULTS.max_steps_reached
-    stopped = solution.event_mask if rules else {}
+    stopped: Any = solution.event_mask if rules else {}
+    next_step: Any = solution.controller_state
     return Outcome(
-        Carry(time, final, solution.solver_state, solution.controller_state),
-        solution.ts.get("outputs"),
-        solution.ys.get("outputs"),
+        Carry(times["end"][0], final, solution.solver_state, next_step),
+        times.get("outputs"),
+        states.get("outputs"),
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
         stopped,
@@ -263,13 +265,13 @@ def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
 
 def _stop_rules(term: SemilinearTerm, grid: Grid, settings: Settings) -> dict[str, Any]:
     """Return functions of the state that fall through zero where the run is to stop."""
+    values: Any = {"peak_charge": settings.stop_at_peak_charge, "rate": settings.stop_at_rate}
 
     def peak_charge(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
-        return grid.peak(y.charge) - settings.stop_at_peak_charge
+        return grid.peak(y.charge) - values["peak_charge"]
 
     def rate(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
-        return grid.rms(term.vf(t, y, args).charge) - settings.stop_at_rate
+        return grid.rms(term.vf(t, y, args).charge) - values["rate"]
 
     rules = {"peak_charge": peak_charge, "rate": rate}
-    values = {"peak_charge": settings.stop_at_peak_charge, "rate": settings.stop_at_rate}
     return {name: rule for name, rule in rules.items() if values[name] is not None}

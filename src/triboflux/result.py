@@ -135,7 +135,9 @@ class Result:
             for name in self.dataset.variables
         }
         with written_at_once(path, overwrite=overwrite) as partial:
-            self.dataset.to_netcdf(partial, engine="netcdf4", encoding=encoding)
+            self.dataset.to_netcdf(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+                partial, engine="netcdf4", encoding=encoding
+            )
 
 
 def build_dataset(
@@ -266,9 +268,12 @@ def load(path: str | PathLike[str]) -> Result:
     if not os.path.isfile(path):
         raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
     try:
-        with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as opened:
+        opened = xr.open_dataset(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+            path, engine="netcdf4", decode_cf=False
+        )
+        with opened:
             _require_ours(opened, name)
-            return Result(opened.load())
+            return Result(opened.load())  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
     except InputError:
         raise
     # what the readers raise on damaged files

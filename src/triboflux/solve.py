@@ -19,6 +19,7 @@ from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.initial_state import initial_fields
 from triboflux.integrate import Carry, Outcome, Settings, advance, begin
+from triboflux.memory import require_memory
 from triboflux.moments import Moments
 from triboflux.result import Result, build_dataset
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 # A segment has to end often enough to show progress, and seldom enough to cost nothing.
 SMALL_GRID, STEPS_SMALL, STEPS_LARGE = 2**14, 256, 4
 
+_begin = eqx.filter_jit(begin)
 _advance = eqx.filter_jit(advance)
 
 
@@ -61,18 +63,18 @@ class Progress:
 class _Record:
     """What has come out of the segments so far."""
 
-    times: list[np.ndarray] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
     fields: list[dict[str, np.ndarray]] = field(default_factory=list)
     accepted: int = 0
     rejected: int = 0
 
-    def add(self, grid: Grid, times: Array, coefficients: Moments) -> None:
-        self.times.append(np.asarray(times))
+    def add(self, grid: Grid, time: float, coefficients: Moments) -> None:
+        self.times.append(time)
         observed = _observe(grid, coefficients)
         self.fields.append({name: np.asarray(values) for name, values in observed.items()})
 
-    def joined(self) -> dict[str, np.ndarray]:
-        return {name: np.concatenate([f[name] for f in self.fields]) for name in self.fields[0]}
+    def stacked(self) -> dict[str, np.ndarray]:
+        return {name: np.stack([f[name] for f in self.fields]) for name in self.fields[0]}
 
 
 def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) -> Result:
@@ -99,17 +101,17 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
         If the numbers are outside the range of validity of the closures.
     """
     started = clock.perf_counter()
+    require_memory(case)
     closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
     model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
     warnings = list(models.validity(model.coefficients, closure_set, case.run.allow_out_of_range))
     grid = Grid(case.grid.points, case.grid.lengths)
-    carry = begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
-    record = _Record()
-    _check_stop_value(case, grid, carry)
+    carry = _begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
+    _check_stop_value(case, _peak(grid, carry))
 
+    record = _Record()
     outcome = _run_segments(case, model, grid, carry, record, on_progress)
-    fields = record.joined()
-    times = np.concatenate(record.times)
+    times, fields = np.array(record.times), record.stacked()
     status = "diverged" if bool(outcome.failed) else "ok"
     warnings += diagnostics.resolution_warnings(grid, outcome.carry.coefficients)
     warnings += diagnostics.realizability_warnings(grid, times, fields)
@@ -131,12 +133,9 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     return Result(dataset)
 
 
-def _check_stop_value(case: Case, grid: Grid, carry: Carry) -> None:
+def _check_stop_value(case: Case, peak: float) -> None:
     value = case.run.stop_at_peak_charge
-    if value is None:
-        return
-    peak = float(_peak(grid, carry.coefficients.charge))
-    if value >= peak:
+    if value is not None and value >= peak:
         raise InputError(
             f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
             f"charge, {peak:.6g}."
@@ -161,25 +160,24 @@ def _run_segments(
         stop_at_rate=_optional(run.stop_at_rate),
         max_steps=STEPS_SMALL if small else STEPS_LARGE,
     )
-    initial_peak = None
+    initial_peak = max(_peak(grid, carry), 1e-300)
     while True:
         # Times that are done move to the end, where they are recorded again only if it is reached.
         pending = np.full_like(wanted, run.t_end)
-        left = wanted[sum(map(len, record.times)) :]
+        left = wanted[len(record.times) :]
         pending[: len(left)] = left
         segment = eqx.tree_at(
             lambda s: s.outputs, settings, jnp.asarray(pending), is_leaf=lambda x: x is None
         )
         outcome = _advance(model, carry, grid, segment)
         reached = min(int(np.sum(np.isfinite(outcome.times))), len(left))
-        if reached:
-            record.add(grid, outcome.times[:reached], _first(outcome.outputs, reached))
+        for i in range(reached):
+            record.add(grid, left[i], jax.tree.map(lambda a: a[i], outcome.outputs))  # noqa: B023
         record.accepted += int(outcome.accepted)
         record.rejected += int(outcome.rejected)
         carry = outcome.carry
-        peak = float(_peak(grid, carry.coefficients.charge))
-        initial_peak = initial_peak or max(peak, 1e-300)
         if on_progress is not None:
+            peak = _peak(grid, carry)
             done = _fraction(case, float(carry.time), peak, initial_peak)
             now = Progress(
                 float(carry.time), run.t_end, record.accepted, record.rejected, peak, done
@@ -188,9 +186,8 @@ def _run_segments(
         if bool(outcome.finished):
             break
     time = float(carry.time)
-    if not record.times or record.times[-1][-1] < time:
-        last = jax.tree.map(lambda a: a[None], carry.coefficients)
-        record.add(grid, np.array([time]), last)
+    if not record.times or record.times[-1] < time:
+        record.add(grid, time, carry.coefficients)
     return outcome
 
 
@@ -203,10 +200,6 @@ def _output_times(case: Case) -> np.ndarray:
 
 def _optional(value: float | None) -> Array | None:
     return None if value is None else jnp.asarray(value)
-
-
-def _first(stacked: Moments, count: int) -> Moments:
-    return jax.tree.map(lambda a: a[:count], stacked)
 
 
 def _fraction(case: Case, time: float, peak: float, initial_peak: float) -> float:
@@ -228,24 +221,20 @@ def _stop_reason(case: Case, outcome: Outcome) -> str:
     return f"reached t_end = {case.run.t_end:g}"
 
 
-@eqx.filter_jit
-def _peak(grid: Grid, charge: Array) -> Array:
-    return grid.peak(charge)
+def _peak(grid: Grid, carry: Carry) -> float:
+    # Compiled together with the fields, which are cheap beside a segment of steps.
+    return float(_observe(grid, carry.coefficients)["peak_charge"])
 
 
 @eqx.filter_jit
 def _observe(grid: Grid, coefficients: Moments) -> dict[str, Any]:
-    """Return the fields of a result from Fourier coefficients with a leading time axis."""
+    """Return the fields of a result from Fourier coefficients."""
     calculus = FourierCalculus(grid)
-
-    def one(moments: Moments) -> dict[str, Array]:
-        return {
-            "charge": grid.to_fields(moments.charge),
-            "covariance": grid.to_fields(moments.covariance),
-            "variance": grid.to_fields(moments.variance),
-            "field": grid.to_fields(calculus.electric_field(moments.charge)),
-            "potential": grid.to_fields(calculus.potential(moments.charge)),
-            "peak_charge": grid.peak(moments.charge),
-        }
-
-    return jax.vmap(one)(coefficients)
+    return {
+        "charge": grid.to_fields(coefficients.charge),
+        "covariance": grid.to_fields(coefficients.covariance),
+        "variance": grid.to_fields(coefficients.variance),
+        "field": grid.to_fields(calculus.electric_field(coefficients.charge)),
+        "potential": grid.to_fields(calculus.potential(coefficients.charge)),
+        "peak_charge": grid.peak(coefficients.charge),
+    }

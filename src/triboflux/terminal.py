@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Generator
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
+
+from triboflux.files import discard_partial_files
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -19,16 +23,62 @@ if TYPE_CHECKING:
 
 EXIT_INTERRUPTED = 130
 _PATIENCE = 1.0
+_STACK = 2**26
+
+Outcome = TypeVar("Outcome")
 
 
 @contextmanager
-def interruptible() -> Generator[None, None, None]:
-    """Turn Ctrl-C into one line on stderr and exit code 130."""
+def interruptible(consequence: str) -> Generator[None, None, None]:
+    """Turn Ctrl-C into one line on stderr and exit code 130.
+
+    Parameters
+    ----------
+    consequence : str
+        What the line says about files.
+    """
     try:
         yield
     except KeyboardInterrupt:
-        print("interrupted: nothing was written", file=sys.stderr)
-        raise SystemExit(EXIT_INTERRUPTED) from None
+        print(f"interrupted: {consequence}", file=sys.stderr, flush=True)
+        discard_partial_files()
+        # JAX may still be computing in other threads, under which an orderly exit pulls the rug
+        os._exit(EXIT_INTERRUPTED)
+
+
+def in_background(work: Callable[[], Outcome]) -> Outcome:
+    """Do some work in another thread and wait for it.
+
+    Python runs signal handlers in the main thread between two of its instructions. While that
+    thread compiles or computes it has none for seconds, or it has one in a place where JAX drops
+    exceptions. A thread that only waits can be interrupted at once.
+
+    Parameters
+    ----------
+    work : callable
+        What to do.
+
+    Returns
+    -------
+    object
+        What ``work`` returns; what it raises is raised here.
+    """
+    outcome: Future[Outcome] = Future()
+
+    def do() -> None:
+        try:
+            outcome.set_result(work())
+        except BaseException as error:
+            outcome.set_exception(error)
+
+    # compilers recurse deeply, and some systems give new threads little stack
+    usual = threading.stack_size(_STACK)
+    threading.Thread(target=do, daemon=True).start()
+    threading.stack_size(usual)
+    # in short waits, because some systems deliver no signal during a long one
+    while not wait([outcome], timeout=0.1).done:
+        pass
+    return outcome.result()
 
 
 class ProgressBar:
@@ -130,9 +180,14 @@ def cache_folder() -> Path | None:
 def use_compilation_cache() -> None:
     """Let JAX keep its compiled programs on disk, if a folder can be had.
 
+    To be called before anything imports Equinox.
+
     A run without the cache is only slower, so failing to get one is no error. Whoever has told JAX
     itself where to keep them (``JAX_COMPILATION_CACHE_DIR``) is obeyed.
     """
+    # JAX keeps no program that calls back into Python, as Equinox's run-time checks do by default.
+    # Those that the solver contains guard times and tolerances, which a `Case` has validated.
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
     if "JAX_COMPILATION_CACHE_DIR" in os.environ and "TRIBOFLUX_CACHE_DIR" not in os.environ:
         return
     try:

@@ -113,9 +113,16 @@ class ExponentialInterpolation(diffrax.AbstractLocalInterpolation):
         if t1 is not None:
             start, stop = self.evaluate(t0), self.evaluate(t1)
             return jax.tree.map(lambda a, b: b - a, start, stop)
-        step = self.t1 - self.t0
-        functions = _Functions.make(self.linear, step, ((t0 - self.t0) / step)[None])
-        return _first(_states(functions, functions.homogeneous(self.y0), self.polynomials))
+        return _evaluate(self, t0)
+
+
+@eqx.filter_jit
+def _evaluate(interpolation: ExponentialInterpolation, time: Array) -> PyTree:
+    step = interpolation.t1 - interpolation.t0
+    fraction = (time - interpolation.t0) / step
+    functions = _Functions.make(interpolation.linear, step, fraction[None])
+    homogeneous = functions.homogeneous(interpolation.y0)
+    return _first(_states(functions, homogeneous, interpolation.polynomials))
 
 
 class _Cache(eqx.Module):
@@ -161,7 +168,7 @@ class ExponentialRungeKutta5(diffrax.AbstractAdaptiveSolver):
 
     def init(self, terms: Any, t0: Any, t1: Any, y0: PyTree, args: PyTree) -> _Cache:
         """Return the functions for the first step."""
-        return _make_cache(_inner(terms).linear, t1 - t0)
+        return _make_cache(_inner(terms).linear, jnp.asarray(t1 - t0))
 
     def func(self, terms: Any, t0: Any, y0: PyTree, args: PyTree) -> PyTree:
         """Return the right-hand side."""
@@ -200,16 +207,16 @@ def _advance(
     start = [part(y0) for part in term.nonlinear]
     constants = tuple(jax.tree.map(_constant, n0) for n0 in start)
 
-    def level(carry: tuple[Any, Any], basis: Array) -> tuple[tuple[Any, Any], None]:
-        polynomials, older = carry[0], carry[:2]
-        newest = list(polynomials)
+    def level(carry: tuple[Any, Any, Any], basis: Array) -> tuple[tuple[Any, Any, Any], None]:
+        before, earlier, _ = carry
+        newest = list(before)
         for i, part in enumerate(term.nonlinear):
             values = jax.vmap(part)(_states(functions, homogeneous, newest))
             newest[i] = jax.tree.map(ft.partial(_coefficients, basis), start[i], values)
-        return (tuple(newest), *older), None
+        return (tuple(newest), before, earlier), None
 
     bases = jnp.asarray(np.stack([_monomial_basis(chosen) for chosen in LEVELS]))
-    (last, before, earlier), _ = lax.scan(level, (constants,) * 3, bases)
+    (last, before, earlier), _ = lax.scan(level, (constants, constants, constants), bases)
 
     end = slice(len(NODES) - 1, None)
     states = jax.tree.map(lambda a: a[end], homogeneous)

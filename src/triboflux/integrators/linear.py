@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ class LinearOperator(eqx.Module):
     """A constant linear operator on a state, closed under analytic functions."""
 
     @abstractmethod
-    def functions(self, order: int, times: Float[Array, " n"]) -> tuple[Self, ...]:
+    def functions(self, order: int, times: Float[Array, " n"]) -> tuple[LinearOperator, ...]:
         """Return φ_0(t A), ..., φ_order(t A) as operators with a leading axis over the times."""
 
     @abstractmethod
@@ -154,7 +154,7 @@ def _places(vector: bool) -> dict[tuple[str, str], tuple[int, int, int]]:
 
 def _distinct_wave_numbers(grid: Grid) -> tuple[Array, np.ndarray]:
     """Return the distinct |k| and which one each mode has."""
-    squared = grid.wave_number_squared()
+    squared = sum((k**2 for k in grid.wave_vector()), start=np.zeros(grid.modes))
     # Round-off must not split modes of equal |k| that differ by the order of summation.
     rounded = np.round(squared / max(squared.max(), 1e-300), 12)
     distinct, index = np.unique(rounded, return_inverse=True)
@@ -164,15 +164,16 @@ def _distinct_wave_numbers(grid: Grid) -> tuple[Array, np.ndarray]:
 
 
 def _unit(grid: Grid) -> list[Array]:
-    inverse = grid.wave_number_squared()
-    inverse[(0,) * grid.dimensions] = 1.0
-    inverse = 1.0 / np.sqrt(inverse)
-    return [jnp.asarray(k * inverse) for k in grid.wave_vector()]
+    """Return k/|k| per axis, zero at k = 0."""
+    squared = grid.wave_number_squared()
+    inverse = jnp.where(squared > 0.0, 1.0 / jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0)), 0.0)
+    return [jnp.asarray(k) * inverse for k in grid.wave_vector()]
 
 
 def _longitudinal(grid: Grid, vector: Float[Array, "d 2 *modes"]) -> Float[Array, "2 *modes"]:
     """Return c = i k·C/|k|; zero at k = 0."""
-    along = sum(u[None] * f for u, f in zip(_unit(grid), vector, strict=True))
+    pairs = zip(_unit(grid), vector, strict=True)
+    along = sum((u[None] * f for u, f in pairs), start=jnp.zeros_like(vector[0]))
     return jnp.stack([-along[1], along[0]])
 
 

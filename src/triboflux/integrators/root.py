@@ -9,15 +9,21 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 
 class _Bracket(eqx.Module):
-    low: Float[Array, ""]
-    at_low: Float[Array, ""]
-    high: Float[Array, ""]
-    at_high: Float[Array, ""]
-    evaluations: Any
+    """An interval with the values at its ends; unknown while there are too few evaluations."""
+
+    ends: Float[Array, "2"]
+    values: Float[Array, "2"]
+    evaluations: Int[Array, ""]
+
+    def candidate(self) -> Float[Array, ""]:
+        """Return where the secant through the ends vanishes."""
+        (low, high), (at_low, at_high) = self.ends, self.values
+        slope = jnp.where(at_high == at_low, 1.0, at_high - at_low)
+        return high - at_high * (high - low) / slope
 
 
 class Illinois(optx.AbstractRootFinder):
@@ -28,8 +34,10 @@ class Illinois(optx.AbstractRootFinder):
 
     Attributes
     ----------
-    rtol, atol : float
-        The bracket's width, relative to its upper end and absolute, at which to stop.
+    rtol : float
+        Stop when a step changes the root by no more than this part of it.
+    atol : float
+        Or by no more than this.
     norm : Callable
         Not used; part of Optimistix's interface.
 
@@ -38,8 +46,8 @@ class Illinois(optx.AbstractRootFinder):
     Dowell & Jarratt (1971), https://doi.org/10.1007/BF01934364
     """
 
-    rtol: float
-    atol: float
+    rtol: Any
+    atol: Any = 1e-300
     norm: Callable[[Any], Any] = optx.max_norm
 
     def init(
@@ -53,50 +61,36 @@ class Illinois(optx.AbstractRootFinder):
         tags: Any,
     ) -> _Bracket:
         """Return the bracket ``options["lower"], options["upper"]``, not yet evaluated."""
-        unknown = jnp.asarray(0.0)
-        return _Bracket(options["lower"], unknown, options["upper"], unknown, jnp.asarray(0))
+        ends = jnp.stack([options["lower"], options["upper"]])
+        return _Bracket(ends, jnp.zeros(2), jnp.asarray(0))
 
     def step(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _Bracket, tags: Any
     ) -> tuple[Any, _Bracket, Any]:
         """Evaluate an end of the bracket, or narrow it."""
-        point = jnp.where(state.evaluations == 0, state.low, self._candidate(state))
-        point = jnp.where(state.evaluations == 1, state.high, point)
-        values, aux = fn(point, args)
+        count = state.evaluations
+        starting = count < 2
+        point = jnp.where(starting, state.ends[jnp.minimum(count, 1)], state.candidate())
+        results, aux = fn(point, args)
         # Diffrax gives a value per stop rule, all zero but that of the rule that applies.
-        value = jnp.sum(jnp.stack(jax.tree.leaves(values)))
-        same = jnp.sign(value) == jnp.sign(state.at_high)
-        low, at_low = state.low, jnp.where(state.evaluations == 0, value, state.at_low)
+        value = jnp.sum(jnp.stack(jax.tree.leaves(results)))
+        filled = _Bracket(state.ends, state.values.at[jnp.minimum(count, 1)].set(value), count + 1)
         # The end that stays has its value halved, so that it cannot stay for ever.
-        crossed = _Bracket(state.high, state.at_high, point, value, state.evaluations + 1)
-        kept = _Bracket(low, at_low / 2.0, point, value, state.evaluations + 1)
-        first = _Bracket(low, at_low, state.high, state.at_high, state.evaluations + 1)
-        second = _Bracket(low, at_low, state.high, value, state.evaluations + 1)
-
-        def choose(f: Array, s: Array, c: Array, k: Array) -> Array:
-            narrowed = jnp.where(same, k, c)
-            return jnp.where(
-                state.evaluations == 0, f, jnp.where(state.evaluations == 1, s, narrowed)
-            )
-
-        bracket = _Bracket(
-            *(
-                choose(*values)
-                for values in zip(
-                    *(vars(b).values() for b in (first, second, crossed, kept)), strict=True
-                )
-            )
-        )
+        stays = jnp.sign(value) == jnp.sign(state.values[1])
+        other = jnp.where(stays, state.ends[0], state.ends[1])
+        at_other = jnp.where(stays, state.values[0] / 2.0, state.values[1])
+        narrowed = _Bracket(jnp.stack([other, point]), jnp.stack([at_other, value]), count + 1)
+        bracket = jax.tree.map(lambda a, b: jnp.where(starting, a, b), filled, narrowed)
         return point, bracket, aux
 
     def terminate(
         self, fn: Any, y: Any, args: Any, options: dict[str, Any], state: _Bracket, tags: Any
     ) -> tuple[Any, optx.RESULTS]:
-        """Stop when the last point is a root or the bracket is narrow enough."""
-        width = jnp.abs(self._candidate(state) - state.high)
-        narrow = width <= self.atol + self.rtol * jnp.abs(state.high)
-        done = (state.evaluations > 1) & (narrow | (state.at_high == 0.0))
-        return done, optx.RESULTS.successful
+        """Stop when the last point is a root or the next would hardly differ."""
+        last = state.ends[1]
+        change = jnp.abs(state.candidate() - last)
+        near = (change <= self.atol + self.rtol * jnp.abs(last)) | (state.values[1] == 0.0)
+        return (state.evaluations > 2) & near, optx.RESULTS.successful
 
     def postprocess(
         self,
@@ -111,9 +105,3 @@ class Illinois(optx.AbstractRootFinder):
     ) -> tuple[Any, Any, dict[str, Any]]:
         """Return the last point."""
         return y, aux, {}
-
-    def _candidate(self, state: _Bracket) -> Array:
-        """Return where the secant through the ends vanishes."""
-        slope = state.at_high - state.at_low
-        safe = jnp.where(slope == 0.0, 1.0, slope)
-        return state.high - state.at_high * (state.high - state.low) / safe

@@ -196,7 +196,7 @@ def validity(
         if not float(value) > 0.0:
             raise OutOfRangeError(
                 f"numbers: {name} is {float(value):.4g}; it must be positive for the "
-                f"'{closure_set.name}' closures to hold, so take a smaller tau_c or a larger peclet."
+                f"'{closure_set.name}' closures to hold: take a smaller tau_c or a larger peclet."
             )
     fraction = float(coefficients.transferred_fraction)
     limit = closures.fraction_limit(closure_set.exponent)

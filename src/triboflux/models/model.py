@@ -40,9 +40,11 @@ class Model(eqx.Module):
         Where collisions are frequent, the covariance is slaved to the charge and the variance, so
         the products that read it come last, after it has been brought up to date.
         """
-        products = [term for term in self.terms if isinstance(term.source, Product)]
-        last = [t for t in products if "covariance" in t.source.reads]
-        first = [t for t in products if "covariance" not in t.source.reads]
+        first: list[Term] = []
+        last: list[Term] = []
+        for term in self.terms:
+            if isinstance(term.source, Product):
+                (last if "covariance" in term.source.reads else first).append(term)
         return tuple(tuple(group) for group in (first, last) if group)
 
     def right_hand_side(self, discretisation: Discretisation, state: Moments) -> Moments:
