@@ -95,7 +95,9 @@ def largest_difference(left, right):
     """Return max |left - right| / max |right| of arrays; of states, the largest of any moment."""
     if isinstance(left, Moments):
         names = ("charge", "covariance", "variance")
-        return max(largest_difference(getattr(left, n), getattr(right, n)) for n in names)
+        pairs = [(getattr(left, name), getattr(right, name)) for name in names]
+        # Unlike the built-in one, this maximum does not pass over NaN.
+        return float(np.max([largest_difference(*pair) for pair in pairs]))
     left, right = np.asarray(left), np.asarray(right)
     assert left.shape == right.shape
     return float(np.max(np.abs(left - right)) / np.max(np.abs(right)))

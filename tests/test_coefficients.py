@@ -72,7 +72,8 @@ def test_every_coefficient_by_its_definition(name, dimensions, n_t):
     bracket = (
         (1 + e) / (3 * tau_c)
         + 1 / tau_p
-        + (c["variance_flux_exchange"] - c["variance_flux_product"] * tau_c * scale**2 / pe) / tau_xi
+        + (c["variance_flux_exchange"] - c["variance_flux_product"] * tau_c * scale**2 / pe)
+        / tau_xi
     )
     expected = {
         "flux": 1 + c["collisional_flux_number"] * scale / pe,

@@ -207,7 +207,11 @@ def test_peak_against_dense_sampling(grid, highest, refinement):
 
 @pytest.mark.parametrize(
     ("grid", "highest"),
-    [(Grid((32,), (1.0,)), 4), (Grid((20, 18), (1.0, 3.0)), 2), (Grid((12, 15, 12), (1.0, 1.0, 2.0)), 1)],
+    [
+        (Grid((32,), (1.0,)), 4),
+        (Grid((20, 18), (1.0, 3.0)), 2),
+        (Grid((12, 15, 12), (1.0, 1.0, 2.0)), 1),
+    ],
 )
 def test_peak_does_not_depend_on_where_the_points_lie(grid, highest):
     coefficients = smooth_coefficients(grid, highest, seed=5)
@@ -273,7 +277,9 @@ def test_the_gradient_of_a_peak_on_a_point_is_the_field_there():
     # Exactly on a point two ways to the same value meet; the gradient must not fall between them.
     grid = Grid((32,), (1.0,))
     x = grid.coordinates()[0]
-    coefficients = grid.to_spectral(jnp.asarray(np.cos(2 * np.pi * x) + 0.1 * np.cos(4 * np.pi * x)))
+    coefficients = grid.to_spectral(
+        jnp.asarray(np.cos(2 * np.pi * x) + 0.1 * np.cos(4 * np.pi * x))
+    )
     gradient = eqx.filter_jit(jax.grad(grid.peak))(coefficients)
     expected = np.zeros((2, *grid.modes))
     expected[0] = np.where(np.arange(grid.modes[0]) > 0, 2.0, 1.0)
@@ -324,7 +330,9 @@ def test_calculus_of_a_plane_wave(grid, mode):
     )
     charge = calculus.values(calculus.divergence(field))
     np.testing.assert_allclose(charge, cosine, **close)
-    np.testing.assert_allclose(calculus.values(calculus.without_mean(coefficients)), cosine, **close)
+    np.testing.assert_allclose(
+        calculus.values(calculus.without_mean(coefficients)), cosine, **close
+    )
     potential = calculus.potential(coefficients)
     np.testing.assert_allclose(calculus.values(potential), cosine / (k @ k), **close)
 

@@ -8,10 +8,11 @@ import pytest
 from jax.flatten_util import ravel_pytree
 from scipy.linalg import expm
 
-from tests.runs import build, random_coefficients
+from tests.fields import PAPER, full_model
+from tests.runs import random_coefficients
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
-from triboflux.integrators.linear import BlockOperator, DenseOperator, block_operator
+from triboflux.integrators.linear import DenseOperator, block_operator
 from triboflux.models import Model, Term, evaluate
 from triboflux.models.terms import IDENTITY, LAPLACIAN
 from triboflux.moments import Moments
@@ -28,15 +29,28 @@ grids = pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS.keys())
 
 def coupled_model(dimensions):
     """Return the full model with every linear coupling switched on and of comparable size."""
-    return build(
-        dimensions=dimensions, peclet=2e3, tau_sigma=0.8, tau_p=0.6, tau_c=0.03, length_ratio=30.0
-    )
+    sizes = {"peclet": 2e3, "tau_sigma": 0.8, "tau_p": 0.6, "tau_c": 0.03, "length_ratio": 30.0}
+    return full_model(PAPER | sizes, dimensions=dimensions)
+
+
+@eqx.filter_jit
+def functions_of(operator, times):
+    return operator.functions(ORDER, times)
+
+
+@eqx.filter_jit
+def applied(operator, state):
+    return operator.apply(state)
 
 
 def dense_matrix(operator, like):
     """Return an operator as one matrix on all coefficients of a state."""
     flat, unravel = ravel_pytree(like)
-    return np.asarray(jax.jit(jax.jacobian(lambda y: ravel_pytree(operator.apply(unravel(y)))[0]))(flat))
+
+    def apply(y):
+        return ravel_pytree(operator.apply(unravel(y)))[0]
+
+    return np.asarray(jax.jit(jax.jacobian(apply))(flat))
 
 
 def dense_functions(matrix):
@@ -52,24 +66,24 @@ def dense_functions(matrix):
 def test_operator_is_the_sum_of_the_linear_terms(grid):
     model = coupled_model(grid.dimensions)
     state = random_coefficients(grid)
-    expected = evaluate(model.linear_terms(), FourierCalculus(grid), state)
-    found = block_operator(model, grid).apply(state)
+    expected = eqx.filter_jit(evaluate)(model.linear_terms(), FourierCalculus(grid), state)
+    found = applied(block_operator(model, grid), state)
     for name in model.evolves:
         f, e = getattr(found, name), getattr(expected, name)
         np.testing.assert_allclose(f, e, rtol=0, atol=1e-13 * float(jnp.max(jnp.abs(e))))
 
 
-@grids
+@pytest.mark.parametrize("grid", [GRIDS["1-D"], GRIDS["2-D"]], ids=["1-D", "2-D"])
 def test_functions_are_those_of_the_dense_matrix(grid):
     model, state = coupled_model(grid.dimensions), random_coefficients(grid)
     operator = block_operator(model, grid)
     matrix = dense_matrix(operator, state)
-    functions = operator.functions(ORDER, jnp.asarray(TIMES))
+    functions = functions_of(operator, jnp.asarray(TIMES))
     y = np.asarray(ravel_pytree(state)[0])
     for i, time in enumerate(TIMES):
         for order, dense in enumerate(dense_functions(time * matrix)):
-            applied = jax.tree.map(lambda leaf, i=i: leaf[i], functions[order]).apply(state)
-            found = np.asarray(ravel_pytree(applied)[0])
+            function = jax.tree.map(lambda leaf, i=i: leaf[i], functions[order])
+            found = np.asarray(ravel_pytree(applied(function, state))[0])
             expected = dense @ y
             np.testing.assert_allclose(
                 found, expected, rtol=0, atol=1e-11 * np.abs(expected).max(), err_msg=f"{order}"
@@ -86,20 +100,23 @@ def test_transverse_covariance_is_apart_from_the_charge():
     np.testing.assert_allclose(changed.charge, 0.0, atol=1e-10)
     c = coupled_model(2).coefficients
     rate = c.covariance_destruction + c.covariance_dispersion * grid.wave_number_squared()
-    np.testing.assert_allclose(changed.covariance, -rate[None, None] * rotated, rtol=1e-11, atol=1e-9)
+    np.testing.assert_allclose(
+        changed.covariance, -rate[None, None] * rotated, rtol=1e-11, atol=1e-9
+    )
 
 
 def test_missing_moments_count_as_zero():
     grid = GRIDS["2-D"]
     operator = block_operator(coupled_model(2), grid)
     state = random_coefficients(grid)
-    parts = [Moments(**{name: getattr(state, name)}) for name in vars(state)]
-    total = operator.apply(parts[0]) + operator.apply(parts[1]) + operator.apply(parts[2])
-    whole = operator.apply(state)
+    parts = [applied(operator, Moments(**{name: getattr(state, name)})) for name in vars(state)]
+    total, whole = parts[0] + parts[1] + parts[2], applied(operator, state)
     for name in vars(state):
-        np.testing.assert_allclose(getattr(total, name), getattr(whole, name), rtol=1e-12, atol=1e-12)
-    assert operator.apply(parts[0]).variance is None
-    assert operator.apply(parts[2]).charge is None
+        np.testing.assert_allclose(
+            getattr(total, name), getattr(whole, name), rtol=1e-12, atol=1e-12
+        )
+    assert parts[0].variance is None
+    assert parts[2].charge is None
 
 
 def test_blocks_are_made_once_per_distinct_wave_number():
@@ -107,7 +124,7 @@ def test_blocks_are_made_once_per_distinct_wave_number():
     operator = block_operator(coupled_model(2), grid)
     squares = {m * m + n * n for m in range(-3, 4) for n in range(4)}
     assert operator.blocks.shape == (2, 2, 2, len(squares))
-    expanded, *_ = operator.functions(1, jnp.asarray(TIMES))
+    expanded, *_ = functions_of(operator, jnp.asarray(TIMES))
     assert expanded.blocks.shape == (len(TIMES), 2, 2, 2, *grid.modes)
 
 
@@ -126,7 +143,7 @@ def test_models_of_scalars_have_single_numbers():
     operator = block_operator(model, grid)
     assert operator.blocks.shape[:3] == (1, 1, 2)
     state = random_coefficients(grid, evolves=model.evolves)
-    exponential = jax.tree.map(lambda leaf: leaf[0], operator.functions(1, jnp.asarray([0.5]))[0])
+    exponential = jax.tree.map(lambda leaf: leaf[0], functions_of(operator, jnp.asarray([0.5]))[0])
     after = exponential.apply(state)
     decay = np.exp(-0.005 * grid.wave_number_squared())
     np.testing.assert_allclose(after.charge, decay[None] * state.charge, rtol=1e-13)
@@ -153,16 +170,7 @@ def test_dense_operator():
     operator = DenseOperator(jnp.asarray(matrix))
     y = jnp.arange(5.0)
     np.testing.assert_allclose(operator.apply(y), matrix @ np.arange(5.0), rtol=1e-14)
-    functions = operator.functions(ORDER, jnp.asarray(TIMES))
+    functions = functions_of(operator, jnp.asarray(TIMES))
     for i, time in enumerate(TIMES):
         for function, expected in zip(functions, dense_functions(time * matrix), strict=True):
             np.testing.assert_allclose(function.matrix[i], expected, rtol=0, atol=1e-13)
-
-
-def test_operators_are_functions_of_the_state_only():
-    operator = block_operator(coupled_model(1), GRIDS["1-D"])
-    assert isinstance(operator, BlockOperator)
-    state = random_coefficients(GRIDS["1-D"])
-    eager, compiled = operator.apply(state), eqx.filter_jit(operator.apply)(state)
-    for name in vars(state):
-        np.testing.assert_allclose(getattr(eager, name), getattr(compiled, name), rtol=1e-13)

@@ -78,7 +78,9 @@ def errors(found, expected):
     """Return the absolute errors of entries, subtracting in high precision."""
     with localcontext() as context:
         context.prec = DIGITS
-        differences = [Decimal(float(f)) - e for f, e in zip(found.flat, expected.flat, strict=True)]
+        differences = [
+            Decimal(float(f)) - e for f, e in zip(found.flat, expected.flat, strict=True)
+        ]
     return np.abs(np.array(differences, dtype=float)).reshape(found.shape)
 
 
@@ -169,7 +171,9 @@ def test_reverse_derivatives_agree_with_forward_ones():
     weights = jnp.asarray(np.random.default_rng(2).normal(size=(ORDER + 1, *blocks.shape)))
 
     def total(matrices):
-        return sum(jnp.sum(w * f) for w, f in zip(weights, phi_functions(matrices, ORDER), strict=True))
+        return sum(
+            jnp.sum(w * f) for w, f in zip(weights, phi_functions(matrices, ORDER), strict=True)
+        )
 
     gradient = eqx.filter_jit(jax.grad(total))(blocks)
     assert bool(jnp.isfinite(gradient).all())

@@ -57,8 +57,6 @@ _STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.4,
     "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
-    # text as text in PDF files, which journals ask for
-    "pdf.fonttype": 42,
 }
 # Okabe & Ito's colours, which the colour-blind tell apart; the dashes do it in grey, too.
 _LINES: dict[str, dict[str, Any]] = {
@@ -225,7 +223,7 @@ def reproduce(
         for part, case in enumerate(cases)
     ]
     figure = _DRAWINGS[number](*results)
-    with ExitStack() as stack, mpl.rc_context(_STYLE):
+    with ExitStack() as stack:
         for path, content in zip(paths, (figure, figure, *results), strict=True):
             # The files get their names together, when all of them are complete.
             partial = stack.enter_context(written_at_once(path, overwrite=overwrite))
@@ -357,7 +355,7 @@ def _caption(number: int, results: Sequence[Result]) -> str:
     if (case.numbers, case.initial, case.run) == (paper.numbers, paper.initial, paper.run):
         line += f" (the paper's Fig. {number}: $t^* \\approx$ {PAPER_TIMES[number]})"
     shares = {r.case.closures: _unrealizable_share(r) for r in results}
-    told = [f"{share:.0%} of the box ({name})" for name, share in shares.items() if share > 0.0]
+    told = [f"{share:.0%} of the box ({name})" for name, share in shares.items() if share >= 0.005]
     warning = f"\nNot realizable, {_IMPOSSIBLE}, in {' and '.join(told)}" if told else ""
     return line[0].upper() + line[1:] + warning
 

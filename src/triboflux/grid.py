@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools as ft
+from collections.abc import Iterable
 
 import equinox as eqx
 import jax
@@ -15,6 +16,14 @@ from jaxtyping import Array, Float, Int
 DENSE_POINTS = 96
 # How many summits of a field compete for its peak.
 SUMMITS = 2
+
+
+def _integers(values: Iterable[int]) -> tuple[int, ...]:
+    return tuple(int(value) for value in values)
+
+
+def _floats(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)
 
 
 class Grid(eqx.Module):
@@ -32,8 +41,8 @@ class Grid(eqx.Module):
         Length of the box per axis, dimensionless, scaled by L.
     """
 
-    points: tuple[int, ...] = eqx.field(static=True)
-    lengths: tuple[float, ...] = eqx.field(static=True)
+    points: tuple[int, ...] = eqx.field(static=True, converter=_integers)
+    lengths: tuple[float, ...] = eqx.field(static=True, converter=_floats)
 
     @property
     def dimensions(self) -> int:
@@ -144,9 +153,9 @@ class Grid(eqx.Module):
     def peak(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
         """Return max |f(x)| of a field over the whole box, not only over the points.
 
-        The highest summits among the points are refined by Newton's method on the Fourier series, so
-        the result does not depend on where the points lie, and is smooth in the field but for kinks
-        where one summit overtakes another.
+        The highest summits among the points are refined by Newton's method on the Fourier series,
+        so the result does not depend on where the points lie, and is smooth in the field but for
+        kinks where one summit overtakes another.
         """
         d = self.dimensions
         values = jnp.abs(self.to_fields(coefficients))

@@ -24,8 +24,9 @@ from triboflux.models.model import Model
 from triboflux.models.terms import Term, evaluate
 from triboflux.moments import Moments
 
-# Where in a step a stop lies is found to a thousandth of what the tolerance allows the state.
-STOP_PRECISION = 1e-3
+# Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
+# to what the round-off of the time does.
+STOP_PRECISION, FINEST = 1e-3, 1e-14
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -191,7 +192,7 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
     )
     step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
     rules = _stop_rules(term, grid, settings)
-    root_finder = Illinois(STOP_PRECISION * settings.rtol)
+    root_finder = Illinois(jnp.maximum(STOP_PRECISION * settings.rtol, FINEST))
     solution = diffrax.diffeqsolve(
         term,
         solver,

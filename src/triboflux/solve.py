@@ -105,6 +105,8 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
     model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
     warnings = list(models.validity(model.coefficients, closure_set, case.run.allow_out_of_range))
+    # As arrays, so that a case with other numbers reuses the compiled program.
+    model = jax.tree.map(jnp.asarray, model)
     grid = Grid(case.grid.points, case.grid.lengths)
     carry = _begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
     _check_stop_value(case, _peak(grid, carry))
@@ -161,6 +163,7 @@ def _run_segments(
         max_steps=STEPS_SMALL if small else STEPS_LARGE,
     )
     initial_peak = max(_peak(grid, carry), 1e-300)
+    done = 0.0
     while True:
         # Times that are done move to the end, where they are recorded again only if it is reached.
         pending = np.full_like(wanted, run.t_end)
@@ -178,7 +181,8 @@ def _run_segments(
         carry = outcome.carry
         if on_progress is not None:
             peak = _peak(grid, carry)
-            done = _fraction(case, float(carry.time), peak, initial_peak)
+            # The peak may rise again, but what is done stays done.
+            done = max(done, _fraction(case, float(carry.time), peak, initial_peak))
             now = Progress(
                 float(carry.time), run.t_end, record.accepted, record.rejected, peak, done
             )

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -22,7 +23,7 @@ from triboflux.moments import Moments
 
 # Weights at distances 1, 2, 3 of the central differences of sixth order; the first derivative is
 # odd, the second even with its weight at distance 0 in front.
-# Fornberg (1988), https://doi.org/10.1090/S0025-5718-1988-0935077-0, tables 1 and 2.
+# Fornberg (1988), https://doi.org/10.1090/S0025-5718-1988-0935077-0
 FIRST_DERIVATIVE = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
 SECOND_DERIVATIVE = (-49.0 / 18.0, 3.0 / 2.0, -3.0 / 20.0, 1.0 / 90.0)
 
@@ -160,7 +161,7 @@ def integrate_finite_differences(
     Raises
     ------
     RuntimeError
-        If `max_steps` are not enough or the step size collapses.
+        If `max_steps` are not enough, as where the solution diverges.
 
     References
     ----------
@@ -171,12 +172,9 @@ def integrate_finite_differences(
     def rates(t: Any, y: Moments, args: Any) -> Moments:
         return model.right_hand_side(differences, y)
 
-    def above_stop(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
-        return grid.peak(grid.to_spectral(y.charge)) - stop_at_peak_charge
-
     event = None
     if stop_at_peak_charge is not None:
-        event = diffrax.Event(above_stop, Illinois(1e-3 * rtol), False)
+        event = _stop_at_peak_charge(grid, stop_at_peak_charge, rtol)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(rates),
         diffrax.Dopri8(),
@@ -189,13 +187,24 @@ def integrate_finite_differences(
         event=event,
         max_steps=max_steps,
     )
-    last = Moments(**{name: getattr(solution.ys, name)[-1] for name in model.evolves})
+    times: Any = solution.ts
+    last = jax.tree.map(lambda saved: saved[-1], solution.ys)
     stats = {
         "accepted": solution.stats["num_accepted_steps"],
         "rejected": solution.stats["num_rejected_steps"],
         "stopped": jnp.asarray(False) if event is None else solution.event_mask,
     }
-    return Outcome(solution.ts[-1], last, stats)
+    return Outcome(times[-1], last, stats)
+
+
+def _stop_at_peak_charge(grid: Grid, value: Scalar, rtol: Scalar) -> diffrax.Event:
+    """Return the event of the peak charge falling through a value, located within the step."""
+
+    def above(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
+        charge: Any = y.charge
+        return grid.peak(grid.to_spectral(charge)) - value
+
+    return diffrax.Event(above, Illinois(1e-3 * rtol), False)
 
 
 def _spacings(grid: Grid) -> list[float]:
