@@ -40,6 +40,7 @@ $(VENV)/.installed: requirements/dev.txt pyproject.toml $(VENV)/.created
 	@touch $@
 
 reproduce: $(VENV)/.installed ## compute the paper's figures into reproduction/
+	@mkdir -p reproduction
 	$(BIN)/triboflux reproduce -o reproduction --overwrite
 
 test: $(VENV)/.installed ## run the tests and report their coverage

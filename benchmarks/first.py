@@ -279,8 +279,8 @@ def _cell(mine: tuple[float, str], theirs: tuple[float, str], factor: float) -> 
     return f"{ratio:.2g} ({theirs[1]}): {verdict(factor, ratio)}"
 
 
-def report(effort: Effort) -> str:
-    """Measure everything and return it as Markdown."""
+def solve_report(effort: Effort) -> str:
+    """Measure the solve itself and return it as Markdown."""
     parts, reaches = [machine_facts()], []
     for case, closures in effort.groups:
         measured = measure(case, closures, effort)
@@ -289,23 +289,35 @@ def report(effort: Effort) -> str:
     header = ["reach", "wanted", *(f"N = {n}" for n in POINTS), "each at its own best N"]
     parts += ["### Reaches of the solve", table(header, reaches)]
     parts += ["### Where the time of a solve goes", profile_table(effort.points)]
-    parts += ["### Imports and compilation", phases_table(effort.points, min(effort.processes, 3))]
-    processes, met = processes_table(effort.processes)
-    parts += ["### Whole processes", processes]
-    parts += [table(["reach", "value", "wanted at most", ""], met)]
     return "\n\n".join(parts)
+
+
+def start_up_report(effort: Effort) -> str:
+    """Measure imports, compilation and whole processes and return it as Markdown."""
+    parts = [machine_facts()]
+    parts += ["### Imports and compilation", phases_table(effort.points, min(effort.processes, 3))]
+    processes, reaches = processes_table(effort.processes)
+    parts += ["### Whole processes", processes]
+    parts += [table(["reach", "value", "wanted at most", ""], reaches)]
+    return "\n\n".join(parts)
+
+
+PARTS = {"solve": solve_report, "start-up": start_up_report}
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Print the report; see the module docstring."""
     parser = argparse.ArgumentParser(description="Time cases A and B beside SciPy's integrators.")
     parser.add_argument("--short", action="store_true", help="case B at 48 points only")
+    parser.add_argument("--part", choices=PARTS, help="measure this part only")
     parser.add_argument("--write", action="store_true", help="fill docs/performance.md")
     chosen = parser.parse_args(arguments)
-    text = report(SHORT if chosen.short else FULL)
-    print(text)
-    if chosen.write:
-        write_section("first", text)
+    for name, report in PARTS.items():
+        if chosen.part in (None, name):
+            text = report(SHORT if chosen.short else FULL)
+            print(text, flush=True)
+            if chosen.write:
+                write_section(name, text)
 
 
 if __name__ == "__main__":

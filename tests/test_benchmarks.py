@@ -117,6 +117,6 @@ def test_verdicts_name_the_factor():
 
 def test_the_page_has_the_sections_that_the_benchmarks_fill():
     text = timing.PAGE.read_text(encoding="utf-8")
-    for name in ("first", "boxes"):
+    for name in (*first.PARTS, "boxes"):
         assert f"<!-- begin {name} -->" in text
         assert f"<!-- end {name} -->" in text

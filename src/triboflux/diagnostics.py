@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -18,6 +20,7 @@ from triboflux.moments import Moments
 
 if TYPE_CHECKING:
     import xarray as xr
+    from jaxtyping import Array
 
     from triboflux.result import Result
 
@@ -74,20 +77,30 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     snapshot = data.sel(time=at, method="nearest")
     model, case = model_of(result), result.case
     grid = Grid(case.grid.points, case.grid.lengths)
-    calculus = FourierCalculus(grid)
-    state = Moments(**{n: grid.to_spectral(jnp.asarray(snapshot[n].values)) for n in model.evolves})
+    fields = Moments(**{name: jnp.asarray(snapshot[name].values) for name in model.evolves})
+    values = _all_terms(jax.tree.map(jnp.asarray, model), grid, fields)
     variables, coordinates = {}, {}
     for moment in model.evolves:
         terms = [term for term in model.terms if term.moment == moment]
-        values = [getattr(evaluate((term,), calculus, state), moment) for term in terms]
-        stacked = np.stack([np.asarray(grid.to_fields(value)) for value in values])
         axis = f"{moment}_term"
-        variables[moment] = ((axis, *snapshot[moment].dims), stacked)
+        variables[moment] = ((axis, *snapshot[moment].dims), np.asarray(values[moment]))
         coordinates[axis] = [term.name for term in terms]
         coordinates[f"{moment}_group"] = (axis, [term.group for term in terms])
         coordinates[f"{moment}_equation"] = (axis, [term.equation for term in terms])
     kept = {name: snapshot[name] for name in snapshot.coords}
     return xr.Dataset(variables, coords={**kept, **coordinates})
+
+
+@eqx.filter_jit
+def _all_terms(model: Model, grid: Grid, fields: Moments) -> dict[str, Array]:
+    """Return the values of every term on the points, stacked for each moment."""
+    calculus = FourierCalculus(grid)
+    state = jax.tree.map(grid.to_spectral, fields)
+    stacked: dict[str, list[Array]] = {moment: [] for moment in model.evolves}
+    for term in model.terms:
+        value = getattr(evaluate((term,), calculus, state), term.moment)
+        stacked[term.moment].append(grid.to_fields(value))
+    return {moment: jnp.stack(values) for moment, values in stacked.items()}
 
 
 def realizability_warnings(
@@ -153,9 +166,11 @@ def resolution_warnings(grid: Grid, coefficients: Moments) -> list[str]:
 def _tail(coefficients: np.ndarray, grid: Grid, axis: int) -> float:
     """Return the largest coefficient in the last tenth of the modes along an axis."""
     d = grid.dimensions
-    numbers = np.abs(grid.mode_numbers()[axis])
-    size = np.abs(coefficients)
+    numbers = np.broadcast_to(np.abs(grid.mode_numbers()[axis]), grid.modes)
+    size = np.abs(coefficients).reshape(-1, *coefficients.shape[-d:]).max(axis=0)
     largest = size.max()
-    last = np.broadcast_to(numbers >= np.ceil(0.9 * grid.kept[axis]), grid.modes)
-    outer = size.reshape(-1, *size.shape[-d:])[:, last]
+    # Symmetric states occupy every second mode or fewer; the last of them has to be seen.
+    spacing = np.gcd.reduce(numbers[size > 1e-12 * largest])
+    last = numbers >= min(np.ceil(0.9 * grid.kept[axis]), grid.kept[axis] - spacing + 1)
+    outer = size[last]
     return float(outer.max() / largest) if largest > 0.0 and outer.size else 0.0

@@ -115,7 +115,8 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     outcome = _run_segments(case, model, grid, carry, record, on_progress)
     times, fields = np.array(record.times), record.stacked()
     status = "diverged" if bool(outcome.failed) else "ok"
-    warnings += diagnostics.resolution_warnings(grid, outcome.carry.coefficients)
+    if status == "ok":
+        warnings += diagnostics.resolution_warnings(grid, outcome.carry.coefficients)
     warnings += diagnostics.realizability_warnings(grid, times, fields)
     stats = {
         "accepted": record.accepted,

@@ -95,8 +95,9 @@ class LadderController(diffrax.AbstractAdaptiveStepSizeController):
         made = jnp.where(keep, jnp.maximum(t1 - t0, controller_state), t1 - t0)
         step = _on_ladder(lax.stop_gradient(made) * factor)
         start = jnp.where(keep, t1, t0)
-        # Below a few units in the last place of the time, rounding decides how long a step is.
-        collapsed = step <= 4.0 * jnp.finfo(step.dtype).eps * jnp.abs(start)
+        # Below a few units in the last place of the time, rounding decides how long a step is; and
+        # a step that is no number, from data that are none, will never be one.
+        collapsed = ~(step > 4.0 * jnp.finfo(step.dtype).eps * jnp.abs(start))
         result = RESULTS.where(collapsed, RESULTS.dt_min_reached, RESULTS.successful)
         return keep, start, start + step, False, step, result
 

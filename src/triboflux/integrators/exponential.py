@@ -24,8 +24,8 @@ DEGREE = 3
 NODES = ((5.0 - math.sqrt(5.0)) / 10.0, (5.0 + math.sqrt(5.0)) / 10.0, 1.0)
 # Through which of the nodes, besides 0, a level interpolates: lines, parabolas, cubics.
 LEVELS = ((0,), (0, 2), (0, 1, 2), (0, 1, 2))
-# How much smaller than e²/|d| the error is taken to be; measured, see the work-precision table.
-CONTRACTION = 3.0
+# Parts of the error estimate: the error is taken as e²/(ITERATION d) or STIFF_QUADRATURE d²/f.
+ITERATION, STIFF_QUADRATURE = 3.0, 0.03
 
 
 class SemilinearTerm(diffrax.AbstractTerm):
@@ -142,9 +142,13 @@ class ExponentialRungeKutta5(diffrax.AbstractAdaptiveSolver):
     & Ostermann 2005). Within a level the parts of the nonlinearity are updated one after another;
     without that a moment slaved to a moving product gains only half an order per level.
 
-    The error estimate takes e, the difference that the last level makes, and d, the difference that
-    the one before made: e is the error of the embedded solution of order four, |e|/|d| how much a
-    level contracts it, and ``e |e|/sqrt(|e|² + (CONTRACTION |d|)²)`` is returned, moment by moment.
+    The error estimate extrapolates the differences that the last levels make, moment by moment: e
+    the last, d the one before, f the one before that. The levels contract the error of the
+    iteration, which leaves about e²/d; the growing degree contracts that of the interpolation,
+    which leaves about d³/f², also where nothing is iterated because a moment drives no other. Both
+    scale with the sixth power of the step. A moment that decays within the step loses an order of
+    the quadrature and keeps a part of d²/f. The largest of the three is returned, the constants
+    being measured.
 
     The functions of the operator are kept in the solver's state and made anew only when the step
     changes by more than the round-off of the time.
@@ -207,28 +211,27 @@ def _advance(
     start = [part(y0) for part in term.nonlinear]
     constants = tuple(jax.tree.map(_constant, n0) for n0 in start)
 
-    def level(carry: tuple[Any, Any, Any], basis: Array) -> tuple[tuple[Any, Any, Any], None]:
-        before, earlier, _ = carry
-        newest = list(before)
+    def level(carry: tuple[Any, ...], basis: Array) -> tuple[tuple[Any, ...], None]:
+        newest = list(carry[0])
         for i, part in enumerate(term.nonlinear):
             values = jax.vmap(part)(_states(functions, homogeneous, newest))
             newest[i] = jax.tree.map(ft.partial(_coefficients, basis), start[i], values)
-        return (tuple(newest), before, earlier), None
+        return (tuple(newest), *carry[:-1]), None
 
     bases = jnp.asarray(np.stack([_monomial_basis(chosen) for chosen in LEVELS]))
-    (last, before, earlier), _ = lax.scan(level, (constants, constants, constants), bases)
+    history, _ = lax.scan(level, (constants,) * len(LEVELS), bases)
 
     end = slice(len(NODES) - 1, None)
     states = jax.tree.map(lambda a: a[end], homogeneous)
-    y1 = _first(_states(functions, states, last, end))
+    y1 = _first(_states(functions, states, history[0], end))
     zero = jax.tree.map(jnp.zeros_like, states)
 
     def difference(new: Any, old: Any) -> PyTree:
         return _first(_states(functions, zero, jax.tree.map(jnp.subtract, new, old), end))
 
-    differences = difference(last, before), difference(before, earlier)
-    error = lax.stop_gradient(jax.tree.map(_contracted, *differences))
-    return y1, error, last
+    differences = map(difference, history[:-1], history[1:])
+    error = lax.stop_gradient(jax.tree.map(_estimate, *differences))
+    return y1, error, history[0]
 
 
 def _states(
@@ -271,6 +274,11 @@ def _first(stacked: PyTree) -> PyTree:
     return jax.tree.map(lambda a: a[0], stacked)
 
 
-def _contracted(error: Array, coarser: Array) -> Array:
-    e, d = jnp.sum(error**2), jnp.sum(coarser**2)
-    return error * jnp.sqrt(e / jnp.maximum(e + CONTRACTION**2 * d, 1e-300))
+def _estimate(last: Array, before: Array, earlier: Array) -> Array:
+    """Return the error of a step from the differences that its last three levels make."""
+    e, d, f = (jnp.sqrt(jnp.sum(x**2)) for x in (last, before, earlier))
+    iteration = e / jnp.sqrt(jnp.maximum(e**2 + (ITERATION * d) ** 2, 1e-300))
+    smooth = d**2 / jnp.maximum(d**2 + f**2, 1e-300)
+    stiff = STIFF_QUADRATURE * d / jnp.maximum(d + f, 1e-300)
+    quadrature = jnp.maximum(smooth, stiff)
+    return jnp.where(iteration * e >= quadrature * d, iteration * last, quadrature * before)
