@@ -33,6 +33,15 @@ def test_all_solvers_reach_the_error_on_the_same_problem(measured):
         assert m.at_peak.cpu > 0.0
 
 
+def test_search_keeps_the_quickest_settings(tmp_path):
+    file = tmp_path / "settings.csv"
+    first.search(TINY, file)
+    rows = first.read_settings(file)
+    assert {row["solver"] for row in rows} == {*first.TUNED, *first.PLAIN}
+    assert {(row["case"], row["points"], row["rtol"]) for row in rows} == {("B", "32", "1e-08")}
+    assert first.read_settings()[0].keys() == rows[0].keys()
+
+
 def test_tables_of_the_solvers(measured):
     rows = first.solvers_table(measured).splitlines()
     assert len(rows) == 2 + len(measured)

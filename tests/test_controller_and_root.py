@@ -90,7 +90,7 @@ def test_every_moment_counts_in_its_own_scale():
 
 @given(error=st.floats(1e-12, 1e3), length=st.floats(1e-8, 1e3))
 def test_proposed_steps_lie_on_the_ladder(error, length):
-    keep, at, end, step, _ = adapt(error, length=length)
+    keep, _, _, step, _ = adapt(error, length=length)
     assert rung(step) == pytest.approx(round(rung(step)), abs=1e-6)
     wanted = 0.9 * length * (error / 1e-3) ** (-1.0 / ORDER)
     low, high = (length, MOST_GROWTH * length) if keep else (MOST_SHRINKING * length, 0.9 * length)

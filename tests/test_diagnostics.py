@@ -99,7 +99,8 @@ def test_proposed_resolution_is_enough():
     coarse = triboflux.solve(changed(paper_case(2), grid__points=(16,)))
     (told,) = spectrum(coarse)
     found = re.fullmatch(
-        r"the spectrum along x has only decayed to \d\.\de-0\d of its largest coefficient at mode 5: "
+        r"the spectrum along x has only decayed to \d\.\de-0\d of its largest coefficient "
+        r"at mode 5: "
         r"take about (\d+) points instead of 16\.",
         told,
     )

@@ -45,21 +45,23 @@ def central_difference(function, at, relative):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_gradient_of_the_stop_time_against_central_differences(name):
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+def test_gradient_of_the_stop_time_against_central_differences(name, rtol):
     tau_c, u = jnp.asarray(CASES[name]["tau_c"]), jnp.asarray(CASES[name]["energy_ratio"])
-    rtol = jnp.asarray(1e-9)
+    rtol = jnp.asarray(rtol)
     time, slopes = gradient(tau_c, u, rtol)
     assert float(time) == pytest.approx(float(single(tau_c, u, rtol)), rel=1e-12)
     expected = (
-        central_difference(lambda x: single(x, u, rtol), tau_c, 2e-3),
-        central_difference(lambda x: single(tau_c, x, rtol), u, 2e-3),
+        central_difference(lambda x: single(x, u, rtol), tau_c, 5e-4),
+        central_difference(lambda x: single(tau_c, x, rtol), u, 5e-4),
     )
+    # Measured: at most 7e-10; what differs are steps that a larger width would change.
     for slope, difference in zip(slopes, expected, strict=True):
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
 
 
 def test_the_gradient_holds_at_the_default_tolerance():
-    # Differentiating the method itself: its slope is as accurate as its answer.
+    # The method itself is differentiated, and its slope is about as accurate as its answer.
     tau_c, u = jnp.asarray(1e-4), jnp.asarray(300.0)
     _, rough = gradient(tau_c, u, jnp.asarray(1e-6))
     _, fine = gradient(tau_c, u, jnp.asarray(1e-9))
@@ -73,7 +75,7 @@ def test_a_batch_of_cases_gives_what_single_runs_give():
     batch = eqx.filter_jit(jax.vmap(outcome_of, in_axes=(0, 0, None)))(tau_c, u, rtol)
     alone = [eqx.filter_jit(outcome_of)(t, e, rtol) for t, e in zip(tau_c, u, strict=True)]
     for i, outcome in enumerate(alone):
-        assert float(batch.time[i]) == pytest.approx(float(outcome.time), rel=1e-11)
+        assert float(batch.carry.time[i]) == pytest.approx(float(outcome.time), rel=1e-11)
         assert int(batch.accepted[i]) == int(outcome.accepted)
         assert int(batch.rejected[i]) == int(outcome.rejected)
         pairs = zip(

@@ -16,6 +16,9 @@ GRIDS = {
     "1-D even": Grid((32,), (1.0,)),
     "1-D odd": Grid((13,), (0.7,)),
     "1-D tiny": Grid((1,), (1.0,)),
+    # Up to 96 points a transform is a product with a matrix, beyond it is a fast one.
+    "1-D at the limit": Grid((96,), (1.0,)),
+    "1-D beyond it": Grid((97,), (1.0,)),
     "2-D": Grid((10, 7), (1.0, 2.5)),
     "2-D thin": Grid((3, 16), (1.0, 1.0)),
     "3-D": Grid((6, 9, 8), (1.0, 0.5, 3.0)),
@@ -100,7 +103,7 @@ def test_transforms_are_inverse_on_kept_modes(grid):
     assert coefficients.shape == (2, 3, 2, *grid.modes)
     fields = grid.to_fields(coefficients)
     assert fields.shape == (2, 3, *grid.points)
-    np.testing.assert_allclose(grid.to_spectral(fields), coefficients, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(grid.to_spectral(fields), coefficients, rtol=0, atol=5e-15)
 
 
 @grids

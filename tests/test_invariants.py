@@ -1,4 +1,4 @@
-"""What must hold for every solution: conserved charge, symmetries, plane waves, spectral accuracy."""
+"""What holds for every solution: charge, symmetries, plane waves, spectral accuracy."""
 
 import math
 

@@ -14,10 +14,10 @@ def test_memory_grows_with_points_dimensions_and_outputs():
             Case(**data(grid__points=points, initial__charge=[], run__outputs=outputs))
         )
 
-    assert estimate([64]) == 8 * 64 * (60 + 3 * 8)
-    assert estimate([16, 4]) == 8 * 64 * (100 + 3 * 11)
-    assert estimate([4, 4, 4]) == 8 * 64 * (140 + 3 * 14)
-    assert estimate([64], [0.0, 0.5, 1.0]) == 8 * 64 * (60 + 4 * 8)
+    assert estimate([64]) == 8 * 64 * (210 + 2 * 3 * 8)
+    assert estimate([16, 4]) == 8 * 64 * (240 + 2 * 3 * 11)
+    assert estimate([4, 4, 4]) == 8 * 64 * (270 + 2 * 3 * 14)
+    assert estimate([64], [0.0, 0.5, 1.0]) == 8 * 64 * (210 + 2 * 4 * 8)
 
 
 def test_a_grid_that_cannot_fit_is_refused(monkeypatch):

@@ -1,10 +1,10 @@
 """The phi functions against exponentials of an augmented matrix in 80-digit arithmetic.
 
-With relative accuracy of a function is meant here: of every entry. φ_1, φ_2, ... have it wherever
-the entry is not itself the small difference of oscillating parts. φ_0 = exp cannot, because it is
-returned as 1 + (exp - 1): its entries are accurate to the round-off of 1, or of its norm if that is
-larger. What has decayed to 1e-20 is therefore returned as zero or as some 1e-17, which harms nothing,
-since a state is multiplied by it and added to φ_1 times its rate of change.
+φ_1, φ_2, ... are accurate in every entry, relative to that entry, unless it is the small difference
+of oscillating parts. φ_0 = exp is not, because it is returned as 1 + (exp - 1): its entries are
+accurate to the round-off of 1, or of its norm if that is larger. What has decayed to 1e-20 comes
+out as zero or as some 1e-17, which harms nothing: a state is multiplied by it, and the sum with the
+other functions' contributions is no more accurate than that.
 """
 
 from decimal import Decimal, localcontext

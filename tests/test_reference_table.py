@@ -76,9 +76,9 @@ def test_a_thousandth_at_the_default_tolerance(name):
         assert value == pytest.approx(expected, rel=1e-3), column
     # Measured: 2e-7, 4e-8, 5e-9 and 3e-7; the dense output keeps the stop time within the
     # tolerance.
-    assert found[0] == pytest.approx(TABLE[name][0], rel=1e-6)
-    # Measured: 21, 23, 13 and 14, among them the step that the stop cuts short.
-    assert int(outcome.accepted + outcome.rejected) <= (40 if name[0] == "A" else 20)
+    assert found[0] == pytest.approx(TABLE[name][0], rel=2e-7)
+    # Measured: 31 in case A and 16 in case B.
+    assert int(outcome.accepted + outcome.rejected) <= (50 if name[0] == "A" else 25)
 
 
 @pytest.mark.parametrize("name", TABLE)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 # Up to how many points a transform in one dimension is a product with a matrix.
 DENSE_POINTS = 96
 # How many summits of a field compete for its peak.
-SUMMITS = 2
+SUMMITS = 8
 
 
 def _integers(values: Iterable[int]) -> tuple[int, ...]:
