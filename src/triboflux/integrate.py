@@ -12,6 +12,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from triboflux.calculus import FourierCalculus
@@ -27,6 +28,8 @@ from triboflux.moments import Moments
 # Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
 # to what the round-off of the time does.
 STOP_PRECISION, FINEST = 1e-3, 1e-14
+# Above how many times the stop value the peak is not looked for between the points.
+FAR = 1.1
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -269,7 +272,11 @@ def _stop_rules(term: SemilinearTerm, grid: Grid, settings: Settings) -> dict[st
     values: Any = {"peak_charge": settings.stop_at_peak_charge, "rate": settings.stop_at_rate}
 
     def peak_charge(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
-        return grid.peak(y.charge) - values["peak_charge"]
+        # The points' own maximum is a lower bound, and enough to say that the stop is far.
+        largest = jnp.max(jnp.abs(grid.to_fields(y.charge)))
+        far = largest > FAR * values["peak_charge"]
+        peak = lax.cond(far, lambda: largest, lambda: grid.peak(y.charge))
+        return peak - values["peak_charge"]
 
     def rate(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
         return grid.rms(term.vf(t, y, args).charge) - values["rate"]
