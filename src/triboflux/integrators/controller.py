@@ -18,7 +18,7 @@ MOST_SHRINKING = 0.1
 
 
 def moment_norm(leaf: Array) -> Float[Array, ""]:
-    """Return the Euclidean norm of one moment's Fourier coefficients, its rms over the box."""
+    """Return the Euclidean norm of the Fourier coefficients, between rms/√2 and the rms."""
     return jnp.sqrt(jnp.sum(leaf**2))
 
 
