@@ -16,10 +16,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from triboflux.collision import HERTZ_EXPONENT
 from triboflux.errors import InputError, nearest
 
 NAMES = ("derived", "published")
-HERTZ_EXPONENT = 0.8
 
 
 @dataclass(frozen=True)

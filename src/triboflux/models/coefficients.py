@@ -11,6 +11,7 @@ from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import OutOfRangeError
 from triboflux.numbers import Numbers
+from triboflux.rates import closure_rates
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -101,67 +102,40 @@ def transport_coefficients(
     TransportCoefficients
         Not checked; see `validity`.
     """
-    c = closure_set
-    scale = numbers.length_ratio
-    inverse_peclet = 1.0 / numbers.peclet
-    inverse_tau_c = 1.0 / numbers.tau_c
-    inverse_tau_p = 1.0 / numbers.tau_p
     inverse_tau_sigma = 1.0 / numbers.tau_sigma
-    inverse_tau_xi = scale**2 * inverse_peclet / c["exchange_time"]
-    # The mechanism is absent, not infinitely strong, where both factors are at their limits.
-    per_peclet = _times(numbers.tau_c, inverse_peclet)
-    per_tau_sigma = _times(numbers.tau_c, inverse_tau_sigma)
-
-    collision = c["third_moment_collision"] * inverse_tau_c
-    k1 = (
-        collision
-        + c["third_moment_drag"] * inverse_tau_p
-        + c["third_moment_exchange"] * inverse_tau_xi
+    rates = closure_rates(
+        closure_set,
+        restitution=numbers.restitution,
+        diameter=1.0 / numbers.length_ratio,
+        velocity=1.0,
+        collision_time=numbers.tau_c,
+        drag_rate=1.0 / numbers.tau_p,
+        dispersion=1.0 / numbers.peclet,
+        conduction=inverse_tau_sigma,
     )
-    k2 = c["third_moment_trace"] * inverse_tau_c
-    n_t = c.trace_dimensions(dimensions)
-    g1 = 1.0 + c["third_moment_shear"] * inverse_tau_xi / scale
-    g2 = c["third_moment_divergence"] * inverse_tau_xi / scale
+    k1, k2 = rates.third_moment, rates.third_moment_trace
+    g1, g2 = rates.shear, rates.divergence
+    n_t = closure_set.trace_dimensions(dimensions)
     trace_part = k2 * (2.0 * g1 + n_t * g2) / (k1 + n_t * k2)
-
-    destruction = c["covariance_collision"] * inverse_tau_c + inverse_tau_p
-    regain = c["variance_flux_product"] * per_peclet * scale**2
     return TransportCoefficients(
-        flux=1.0 + c["collisional_flux_number"] * scale * inverse_peclet,
+        flux=1.0 + rates.collisional_flux,
         triboconductivity=inverse_tau_sigma,
-        dispersion=inverse_peclet,
-        gradient_production=1.0
-        + c["covariance_production_gradient"] * numbers.restitution * scale * inverse_peclet,
-        field_production=c["covariance_production_field"]
-        * numbers.restitution
-        * scale
-        * inverse_tau_sigma,
+        dispersion=1.0 / numbers.peclet,
+        gradient_production=rates.gradient_production,
+        field_production=rates.field_production,
         electric_force=numbers.energy_ratio,
-        covariance_destruction=destruction + c["covariance_exchange"] * inverse_tau_xi,
+        covariance_destruction=rates.covariance_destruction,
         third_moment=k1,
         third_moment_trace=k1 + n_t * k2,
         shear=g1,
         covariance_dispersion=g1 / k1,
         divergence_dispersion=(g1 + g2 - trace_part) / k1,
-        variance_destruction=inverse_tau_xi
-        - c["variance_regain"] * per_peclet * inverse_peclet * scale**4,
-        variance_field_production=c["variance_production_field"]
-        * per_tau_sigma
-        * inverse_tau_sigma
-        * scale**2,
-        variance_collisional_dispersion=c["variance_dispersion"]
-        * per_peclet
-        * inverse_peclet
-        * scale**2,
-        variance_flux_destruction=destruction
-        + (c["variance_flux_exchange"] - regain) * inverse_tau_xi,
-        transferred_fraction=c["transferred_fraction"] * per_peclet * scale**2,
+        variance_destruction=rates.variance_destruction,
+        variance_field_production=rates.variance_field_production,
+        variance_collisional_dispersion=rates.variance_collisional_dispersion,
+        variance_flux_destruction=rates.variance_flux_destruction,
+        transferred_fraction=rates.transferred_fraction,
     )
-
-
-def _times(time: Scalar, rate: Scalar) -> Scalar:
-    """Return time * rate, 0 where the rate vanishes identically and the time may be infinite."""
-    return 0.0 if isinstance(rate, float) and rate == 0.0 else time * rate
 
 
 def validity(
