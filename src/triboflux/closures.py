@@ -15,11 +15,111 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from triboflux.collision import HERTZ_EXPONENT
 from triboflux.errors import InputError, nearest
 
 NAMES = ("derived", "published")
+
+# What both sets tell about a coefficient: its symbol, where the paper states it, and a note. The
+# numbers in the notes are the paper's, for a = 4/5.
+_ABOUT = {
+    "triboconductivity": ("lambda_1.1", "(2.25)", ""),
+    "dispersion": ("lambda_1.2", "(2.26)", ""),
+    "collisional_flux": ("lambda_1.3", "(2.27)", "(2.27) prints 5.936, 3/2 of the exact value."),
+    "covariance_production_field": (
+        "lambda_2.1",
+        "(3.4), (5.3), (7.4)",
+        "(3.4) prints 0.5422, a quarter of the exact value, which equals lambda_1.3/lambda_1.1.",
+    ),
+    "covariance_production_gradient": (
+        "lambda_2.2",
+        "(3.4), (5.3), (7.4)",
+        "(3.4) prints 0.5422, a quarter of the exact value, which equals lambda_1.3/lambda_1.2.",
+    ),
+    "charge_exchange": ("lambda_2.3", "(3.6)", ""),
+    "covariance_collision": ("C rate, 1/tau_c", "(3.4), (5.3), (7.2)", ""),
+    "covariance_exchange": (
+        "C rate, 1/tau_xi",
+        "(3.4), (5.3), (7.2)",
+        "(3.4) prints (3-e)/5, which is always positive; the exact rate is negative for nearly "
+        "elastic particles, because fast collisions pass over more charge.",
+    ),
+    "third_moment_collision": (
+        "K1, 1/tau_c",
+        "(3.8), (A13)",
+        "lambda_2.4 and lambda_2.5 print 7.3 to 8.4 times the exact rate. (A10), from which it "
+        "follows, lacks a factor 1/2.",
+    ),
+    "third_moment_exchange": (
+        "K1, 1/tau_xi",
+        "(3.8), (A13)",
+        "lambda_2.6 prints 3.201; the exact rate is that of the covariance, without a trace part.",
+    ),
+    "third_moment_drag": (
+        "K1, 1/tau_p",
+        "(3.8), (A1), (A13)",
+        "Drag acts on both velocities: (A1) has 2/tau_p, (3.8) and (A13) print 1/tau_p.",
+    ),
+    "third_moment_trace": (
+        "K2, 1/tau_c",
+        "(3.9), (A14)",
+        "lambda_2.7 and lambda_2.8 are not proportional to the exact rate. The trace runs over "
+        "three directions in (A16), over one in (5.3).",
+    ),
+    "third_moment_shear": (
+        "rho_1",
+        "(3.10), (A11), (A15)",
+        "lambda_2.9 and lambda_2.11. Its factor is d/L by (3.10), L/d in (5.3). The terms with "
+        "R_p,jk in D_ij are negative in (3.10), which is right, and positive in (A15).",
+    ),
+    "third_moment_divergence": (
+        "rho_2",
+        "(3.10), (A11), (A15)",
+        "lambda_2.10 and lambda_2.11; the exact rho_2 equals rho_1 for every e.",
+    ),
+    "variance_regain": (
+        "lambda_3.1",
+        "(4.2), (5.4), (7.6)",
+        "(4.2) prints 21.29, a quarter of the exact value, which equals 6 lambda_3.2. (5.4) calls "
+        "it lambda_7.",
+    ),
+    "variance_production_field": (
+        "lambda_3.2",
+        "(4.2), (5.4), (7.7)",
+        "(5.4) calls it lambda_8 and prints tau_sigma without its star.",
+    ),
+    "variance_dispersion": (
+        "lambda_3.3",
+        "(4.2), (5.4)",
+        "(4.2) prints 0.6278; the exact value equals lambda_3.1/12. (5.4) calls it lambda_9.",
+    ),
+    "variance_flux_exchange": (
+        "lambda_3.4",
+        "(4.3), (5.4), (B2), (B3)",
+        "(4.3) prints 2.806, (5.4) 2.8. The right-hand side of (4.3) is negative, which is right, "
+        "that of (B3) positive.",
+    ),
+    "variance_flux_regain": ("lambda_3.5", "(4.3), (B2), (B3)", "(4.3) prints 1.017."),
+    "variance_flux_product": (
+        "lambda_3.5 kappa",
+        "(5.4)",
+        "(5.4) prints 20.39, where lambda_3.5 = 1.017 of (4.3) gives 1.017 kappa = 3.95: the SI "
+        "and the dimensionless equations differ.",
+    ),
+    "exchange_time": ("lambda'", "(5.20)", "(5.20) prints 12; (2.26) and (3.6) give its inverse."),
+    "collisional_flux_number": (
+        "lambda''",
+        "(5.21)",
+        "(5.21) prints 3.256, 3/2 of the exact value; the printed lambda_1.3/lambda_1.2 is 3.253.",
+    ),
+    "transferred_fraction": (
+        "kappa",
+        "(2.26), (3.5)",
+        "Not printed. It gives gamma Theta^(a/2) from tau_c, L/d and Pe by (2.26) and (3.5).",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -127,6 +227,12 @@ def derived(restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
         raise InputError(
             f"exponent: {exponent} is not allowed; it must be a finite number above -0.5."
         )
+    values = _derived_values(restitution, exponent)
+    return ClosureSet("derived", restitution, exponent, _coefficients(values))
+
+
+def _derived_values(restitution: Any, exponent: float) -> dict[str, tuple[Any, str]]:
+    """Return value and closed form of each exact coefficient."""
     e, a = restitution, exponent
     j_1 = collision_integral(1.0)
     j1 = collision_integral(1.0 + a)
@@ -135,57 +241,32 @@ def derived(restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
     exchange = (2.0 - (2.0 + a) * e) / 6.0
     shear = j2 * (a * e**2 + 3.0 * e**2 + 2.0 * e - 1.0) / (120.0 * j1)
     square = j_1 * j12 / j1**2
-    make = Coefficient
-    coefficients = {
-        "triboconductivity": make("lambda_1.1", j1 / 6.0, "J_(1+a)/6", "(2.25)"),
-        "dispersion": make("lambda_1.2", j1 / 6.0, "J_(1+a)/6", "(2.26)"),
-        "collisional_flux": make("lambda_1.3", j2 / 6.0, "J_(2+a)/6", "(2.27)"),
-        "covariance_production_field": make("lambda_2.1", j2 / j1, "J_(2+a)/J_(1+a)", "(3.4)"),
-        "covariance_production_gradient": make("lambda_2.2", j2 / j1, "J_(2+a)/J_(1+a)", "(3.4)"),
-        "charge_exchange": make("lambda_2.3", 2.0 * j1, "2 J_(1+a)", "(3.6)"),
-        "covariance_collision": make("C rate, 1/tau_c", (1.0 + e) / 3.0, "(1+e)/3", "(3.4)"),
-        "covariance_exchange": make(
-            "C rate, 1/tau_xi",
-            exchange,
-            "(2-(2+a)e)/6",
-            "(3.4)",
-            "Negative for nearly elastic particles: charge exchange prefers fast collisions.",
-        ),
-        "third_moment_collision": make(
-            "K1, 1/tau_c", (1.0 + e) * (19.0 - 3.0 * e) / 30.0, "(1+e)(19-3e)/30", "(3.8)"
-        ),
-        "third_moment_exchange": make("K1, 1/tau_xi", exchange, "(2-(2+a)e)/6", "(3.8)"),
-        "third_moment_drag": make(
-            "K1, 1/tau_p", 2.0, "2", "(A1)", "Drag acts on both velocities; (3.8) prints 1."
-        ),
-        "third_moment_trace": make(
-            "K2, 1/tau_c", -(1.0 + e) * (1.0 + 3.0 * e) / 60.0, "-(1+e)(1+3e)/60", "(3.9)"
-        ),
-        "third_moment_shear": make(
-            "rho_1", shear, "J_(2+a)(a e^2+3e^2+2e-1)/(120 J_(1+a))", "(3.10)"
-        ),
-        "third_moment_divergence": make("rho_2", shear, "rho_1", "(3.10)"),
-        "variance_regain": make("lambda_3.1", 72.0 * square, "72 J_1 J_(1+2a)/J_(1+a)^2", "(4.2)"),
-        "variance_production_field": make(
-            "lambda_3.2", 12.0 * square, "12 J_1 J_(1+2a)/J_(1+a)^2", "(4.2)"
-        ),
-        "variance_dispersion": make(
-            "lambda_3.3", 6.0 * square, "6 J_1 J_(1+2a)/J_(1+a)^2", "(4.2)"
-        ),
-        "variance_flux_exchange": make(
-            "lambda_3.4", (5.0 - (2.0 + a) * e) / 6.0, "(5-(2+a)e)/6", "(4.3)"
-        ),
-        "variance_flux_regain": make(
-            "lambda_3.5", j12 / (2.0 * j1), "J_(1+2a)/(2 J_(1+a))", "(4.3)"
-        ),
-        "variance_flux_product": make(
-            "lambda_3.5 kappa", 3.0 * square, "3 J_1 J_(1+2a)/J_(1+a)^2", "(5.4)"
-        ),
-        "exchange_time": make("lambda'", 1.0 / 12.0, "lambda_1.2/lambda_2.3 = 1/12", "(5.20)"),
-        "collisional_flux_number": make("lambda''", j2 / j1, "lambda_1.3/lambda_1.2", "(5.21)"),
+    ratio = j2 / j1
+    return {
+        "triboconductivity": (j1 / 6.0, "J_(1+a)/6"),
+        "dispersion": (j1 / 6.0, "J_(1+a)/6"),
+        "collisional_flux": (j2 / 6.0, "J_(2+a)/6"),
+        "covariance_production_field": (ratio, "J_(2+a)/J_(1+a)"),
+        "covariance_production_gradient": (ratio, "J_(2+a)/J_(1+a)"),
+        "charge_exchange": (2.0 * j1, "2 J_(1+a)"),
+        "covariance_collision": ((1.0 + e) / 3.0, "(1+e)/3"),
+        "covariance_exchange": (exchange, "(2-(2+a)e)/6"),
+        "third_moment_collision": ((1.0 + e) * (19.0 - 3.0 * e) / 30.0, "(1+e)(19-3e)/30"),
+        "third_moment_exchange": (exchange, "(2-(2+a)e)/6"),
+        "third_moment_drag": (2.0, "2"),
+        "third_moment_trace": (-(1.0 + e) * (1.0 + 3.0 * e) / 60.0, "-(1+e)(1+3e)/60"),
+        "third_moment_shear": (shear, "J_(2+a)(a e^2+3e^2+2e-1)/(120 J_(1+a))"),
+        "third_moment_divergence": (shear, "rho_1"),
+        "variance_regain": (72.0 * square, "72 J_1 J_(1+2a)/J_(1+a)^2"),
+        "variance_production_field": (12.0 * square, "12 J_1 J_(1+2a)/J_(1+a)^2"),
+        "variance_dispersion": (6.0 * square, "6 J_1 J_(1+2a)/J_(1+a)^2"),
+        "variance_flux_exchange": ((5.0 - (2.0 + a) * e) / 6.0, "(5-(2+a)e)/6"),
+        "variance_flux_regain": (j12 / (2.0 * j1), "J_(1+2a)/(2 J_(1+a))"),
+        "variance_flux_product": (3.0 * square, "3 J_1 J_(1+2a)/J_(1+a)^2"),
+        "exchange_time": (1.0 / 12.0, "lambda_1.2/lambda_2.3 = 1/12"),
+        "collisional_flux_number": (ratio, "lambda_1.3/lambda_1.2"),
         "transferred_fraction": _transferred_fraction(a),
     }
-    return ClosureSet("derived", restitution, exponent, coefficients)
 
 
 def published(restitution: float) -> ClosureSet:
@@ -200,57 +281,70 @@ def published(restitution: float) -> ClosureSet:
     restitution : float
         e, dimensionless, between 0 and 1.
     """
+    values = _published_values(restitution)
+    return ClosureSet("published", restitution, HERTZ_EXPONENT, _coefficients(values))
+
+
+def _published_values(restitution: Any) -> dict[str, tuple[Any, str]]:
+    """Return value and printed form of each published coefficient."""
     e = restitution
     s = 1.0 + e
-    make = Coefficient
-    coefficients = {
-        "triboconductivity": make("lambda_1.1", 1.825, "1.825", "(2.25)"),
-        "dispersion": make("lambda_1.2", 1.825, "1.825", "(2.26)"),
-        "collisional_flux": make("lambda_1.3", 5.936, "5.936", "(2.27)", "3/2 of the exact value."),
-        "covariance_production_field": make(
-            "lambda_2.1", 0.5422, "0.5422", "(3.4)", "A quarter of the exact value."
-        ),
-        "covariance_production_gradient": make(
-            "lambda_2.2", 0.5422, "0.5422", "(3.4)", "A quarter of the exact value."
-        ),
-        "charge_exchange": make("lambda_2.3", 21.90, "21.90", "(3.6)"),
-        "covariance_collision": make("C rate, 1/tau_c", s / 3.0, "(1+e)/3", "(3.4)"),
-        "covariance_exchange": make("C rate, 1/tau_xi", (3.0 - e) / 5.0, "(3-e)/5", "(3.4)"),
-        "third_moment_collision": make(
-            "K1, 1/tau_c", 6.667 * s - 1.387 * s**2, "6.667(1+e)-1.387(1+e)^2", "(3.8)"
-        ),
-        "third_moment_exchange": make("K1, 1/tau_xi", 3.201, "3.201", "(3.8)"),
-        "third_moment_drag": make("K1, 1/tau_p", 1.0, "1", "(3.8)", "(A1) has 2/tau_p."),
-        "third_moment_trace": make(
-            "K2, 1/tau_c", 0.2667 * s - 0.2607 * s**2, "0.2667(1+e)-0.2607(1+e)^2", "(3.9)"
-        ),
-        "third_moment_shear": make(
-            "rho_1", 10.68 * s + 0.2048 * s**2, "10.68(1+e)+0.2048(1+e)^2", "(3.10)"
-        ),
-        "third_moment_divergence": make(
-            "rho_2", 208.2 * s + 0.2048 * s**2, "208.2(1+e)+0.2048(1+e)^2", "(3.10)"
-        ),
-        "variance_regain": make(
-            "lambda_3.1", 21.29, "21.29", "(4.2)", "A quarter of the exact value."
-        ),
-        "variance_production_field": make("lambda_3.2", 14.20, "14.20", "(4.2)"),
-        "variance_dispersion": make("lambda_3.3", 0.6278, "0.6278", "(4.2)"),
-        "variance_flux_exchange": make("lambda_3.4", 2.806, "2.806", "(4.3)"),
-        "variance_flux_regain": make("lambda_3.5", 1.017, "1.017", "(4.3)"),
-        "variance_flux_product": make(
-            "lambda_3.5 kappa",
-            20.39,
-            "20.39",
-            "(5.4)",
-            "Not 1.017 kappa = 3.95; the printed SI and dimensionless forms differ.",
-        ),
-        "exchange_time": make(
-            "lambda'", 12.0, "12", "(5.20)", "Inverted: (2.26) and (3.6) give 1/12."
-        ),
-        "collisional_flux_number": make("lambda''", 3.256, "3.256", "(5.21)"),
+    return {
+        "triboconductivity": (1.825, "1.825"),
+        "dispersion": (1.825, "1.825"),
+        "collisional_flux": (5.936, "5.936"),
+        "covariance_production_field": (0.5422, "0.5422"),
+        "covariance_production_gradient": (0.5422, "0.5422"),
+        "charge_exchange": (21.90, "21.90"),
+        "covariance_collision": (s / 3.0, "(1+e)/3"),
+        "covariance_exchange": ((3.0 - e) / 5.0, "(3-e)/5"),
+        "third_moment_collision": (6.667 * s - 1.387 * s**2, "6.667(1+e)-1.387(1+e)^2"),
+        "third_moment_exchange": (3.201, "3.201"),
+        "third_moment_drag": (1.0, "1"),
+        "third_moment_trace": (0.2667 * s - 0.2607 * s**2, "0.2667(1+e)-0.2607(1+e)^2"),
+        "third_moment_shear": (10.68 * s + 0.2048 * s**2, "10.68(1+e)+0.2048(1+e)^2"),
+        "third_moment_divergence": (208.2 * s + 0.2048 * s**2, "208.2(1+e)+0.2048(1+e)^2"),
+        "variance_regain": (21.29, "21.29"),
+        "variance_production_field": (14.20, "14.20"),
+        "variance_dispersion": (0.6278, "0.6278"),
+        "variance_flux_exchange": (2.806, "2.806"),
+        "variance_flux_regain": (1.017, "1.017"),
+        "variance_flux_product": (20.39, "20.39"),
+        "exchange_time": (12.0, "12"),
+        "collisional_flux_number": (3.256, "3.256"),
         "transferred_fraction": _transferred_fraction(HERTZ_EXPONENT),
     }
-    return ClosureSet("published", restitution, HERTZ_EXPONENT, coefficients)
+
+
+def values_for(name: str, restitution: Any) -> dict[str, Any]:
+    """Return the values of the closure set called `name` for Hertzian contacts.
+
+    Parameters
+    ----------
+    name : str
+        ``"derived"`` or ``"published"``.
+    restitution : object
+        e, dimensionless: a number, or a symbol if code is to be generated.
+
+    Returns
+    -------
+    dict
+        By the coefficients' spelled-out names; of the kind that arithmetic with `restitution`
+        gives.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown.
+    """
+    by_name(name, 1.0)  # refuses an unknown name
+    published = name == "published"
+    found = (
+        _published_values(restitution)
+        if published
+        else _derived_values(restitution, HERTZ_EXPONENT)
+    )
+    return {key: value for key, (value, _) in found.items()}
 
 
 def by_name(name: str, restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
@@ -292,7 +386,14 @@ def fraction_limit(exponent: float) -> float:
     return collision_integral(1.0 + exponent) / collision_integral(1.0 + 2.0 * exponent)
 
 
-def _transferred_fraction(exponent: float) -> Coefficient:
+def _transferred_fraction(exponent: float) -> tuple[float, str]:
     """Return kappa in γΘ^(a/2) = kappa τ_c (L/d)²/Pe, an identity of the collision rule."""
-    value = 6.0 * collision_integral(1.0) / collision_integral(1.0 + exponent)
-    return Coefficient("kappa", value, "6 J_1/J_(1+a)", "", "Follows from (2.26) and (3.5).")
+    return 6.0 * collision_integral(1.0) / collision_integral(1.0 + exponent), "6 J_1/J_(1+a)"
+
+
+def _coefficients(values: Mapping[str, tuple[float, str]]) -> dict[str, Coefficient]:
+    """Return coefficients from their values and formulas, with what is known about each."""
+    return {
+        name: Coefficient(_ABOUT[name][0], value, formula, *_ABOUT[name][1:])
+        for name, (value, formula) in values.items()
+    }

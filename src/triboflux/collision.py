@@ -31,7 +31,11 @@ class Collided(NamedTuple):
 
 
 def contact_length(mass: Any, diameter: Any, youngs_modulus: Any, poisson_ratio: Any) -> Any:
-    """Return X of (2.12): X (g.k)^(4/5) is the deepest overlap of a Hertzian impact, a length.
+    """Return X of (2.12): X (g.k)^(4/5) is the deepest overlap of two colliding spheres, a length.
+
+    Hertz's theory for equal spheres has 16 where (2.12) prints 32, and with it an overlap
+    2^(2/5) = 1.32 times as deep. X is kept as printed: it is part of the rule that all models
+    here start from, and it enters triboconductivity and dispersion alike.
 
     Parameters
     ----------
