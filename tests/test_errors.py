@@ -40,6 +40,13 @@ def test_dotted_names():
     assert dotted(("a\nb",)) == r"'a\nb'"
 
 
+def test_a_problem_after_a_colon():
+    error = InputError.about("", ": '3 kg' is a mass", hint=" Sure?")
+    assert str(error) == "'3 kg' is a mass. Sure?"
+    again = InputError.about(dotted(("a", "b")), error.problem, others=2)
+    assert str(again) == "a.b: '3 kg' is a mass (and 2 more problems)."
+
+
 def test_errors_keep_their_class_and_survive_copying():
     error = OutOfRangeError.about("numbers", "is odd", others=1)
     assert isinstance(error, OutOfRangeError)

@@ -70,7 +70,8 @@ class InputError(TribofluxError, ValueError):
             Dotted name of the field; empty in the validator of one field, where the name is
             added on the way out.
         problem : str
-            What follows the field's name, without a full stop: ``"is -1, but must be ..."``.
+            What follows the field's name, without a full stop: ``"is -1, but must be ..."``, or
+            from a colon on: ``": '3 kg' is ..."``.
         hint : str
             What follows the full stop, with its leading space.
         others : int
@@ -82,7 +83,8 @@ class InputError(TribofluxError, ValueError):
             Of the class it is called on, with every attribute set; raise it.
         """
         more = f" (and {others} more problem{'s' if others > 1 else ''})" if others else ""
-        error = cls(f"{field} {problem}{more}.{hint}")
+        start = f"{field}{problem}" if problem.startswith(":") else f"{field} {problem}"
+        error = cls(f"{start.removeprefix(': ')}{more}.{hint}")
         error.field, error.problem, error.hint, error.others = field, problem, hint, others
         return error
 
