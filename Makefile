@@ -10,7 +10,7 @@ WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help venv reproduce test check format bench lock clean
+.PHONY: help venv reproduce test check format bench evidence lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -58,6 +58,11 @@ format: $(VENV)/.installed ## mend formatting and what lint can mend
 
 bench: $(VENV)/.installed ## time the solver beside SciPy's
 	$(BIN)/python -m benchmarks.first
+
+evidence: $(VENV)/.installed ## write the tables of docs/closures.md and docs/suspension.md anew
+	$(BIN)/python -m benchmarks.closure_evidence --write
+	$(BIN)/python -m benchmarks.closure_effects --write
+	$(BIN)/python -m benchmarks.presets --write
 
 lock: $(VENV)/.created ## renew requirements/dev.txt after a change of dependencies (ARGS=--upgrade: newest)
 	$(PIP) install --quiet uv

@@ -125,7 +125,7 @@ def cases(draw):
     return {
         "title": draw(title),
         "closures": "derived",
-        "exponent": draw(st.floats(-1, 4, exclude_min=True)),
+        "exponent": draw(st.floats(-0.5, 4, exclude_min=True)),
         "numbers": {
             "peclet": draw(positive_or_infinite),
             "tau_c": draw(positive),
@@ -208,8 +208,8 @@ def test_python_may_give_arrays():
         ({"numbers__tau_p": 0}, "numbers.tau_p is 0, but must be a positive number"),
         ({"numbers__tau_c": math.nan}, "numbers.tau_c is nan, but must be a number."),
         ({"numbers__restitution": 1.5}, "numbers.restitution is 1.5, but must be a number from 0"),
-        ({"exponent": math.inf}, "exponent is inf, but must be above -1 and at most 4."),
-        ({"exponent": -1.0}, "exponent is -1.0, but must be above -1 and at most 4."),
+        ({"exponent": math.inf}, "exponent is inf, but must be above -0.5 and at most 4."),
+        ({"exponent": -0.5}, "exponent is -0.5, but must be above -0.5 and at most 4."),
         (
             {"closures": "published", "exponent": 1.0},
             "exponent is 1.0, but must be 0.8 for the published closures.",

@@ -13,7 +13,6 @@ from triboflux import closures
 from triboflux.errors import InputError
 
 restitutions = st.floats(0.0, 1.0)
-# At -1/2, J_(1+2a) diverges.
 exponents = st.floats(-0.45, 4.0)
 
 EXACT = {

@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from triboflux import closures
+    from triboflux import closures, numbers, presets
     from triboflux.case import Case, ComponentMode, GridSpec, Initial, Mode, Run
     from triboflux.errors import InputError, OutOfRangeError, TribofluxError
     from triboflux.grid import Grid
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from triboflux.numbers import Numbers
     from triboflux.result import Result, load
     from triboflux.solve import solve
+    from triboflux.suspension import Suspension
 
 __version__ = "0.1.0"
 
@@ -36,13 +37,19 @@ __all__ = [
     "OutOfRangeError",
     "Result",
     "Run",
+    "Suspension",
     "TribofluxError",
     "__version__",
     "closures",
     "integrate",
     "load",
+    "numbers",
+    "presets",
     "solve",
 ]
+
+_MODULES = ("closures", "numbers", "presets")
+"""Modules that are public themselves."""
 
 _HOMES = {
     "Case": "case",
@@ -57,6 +64,7 @@ _HOMES = {
     "OutOfRangeError": "errors",
     "Result": "result",
     "Run": "case",
+    "Suspension": "suspension",
     "TribofluxError": "errors",
     "integrate": "integrate",
     "load": "result",
@@ -67,8 +75,8 @@ _HOMES = {
 
 def __getattr__(name: str) -> object:
     """Import a public name on first use (PEP 562)."""
-    if name == "closures":
-        return importlib.import_module("triboflux.closures")
+    if name in _MODULES:
+        return importlib.import_module(f"triboflux.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'triboflux' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"triboflux.{_HOMES[name]}"), name)

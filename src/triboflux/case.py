@@ -11,8 +11,10 @@ from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from triboflux import case_checks
 from triboflux.case_text import case_table, case_text, read_case_file
+from triboflux.case_units import resolve_suspension
 from triboflux.errors import InputError
 from triboflux.numbers import Numbers
+from triboflux.suspension import Suspension
 from triboflux.validation import (
     Amplitude,
     Flag,
@@ -198,6 +200,10 @@ class Case(InputModel):
     exponent : float
         Exponent of the impact velocity in the charge that a contact passes over, dimensionless;
         4/5 for Hertz contacts, the only one that the published closures know.
+    suspension : Suspension or None
+        Particles, gas and state in SI; `numbers` follows from it. Every number of the case keeps
+        its scaled meaning, but lengths, times, charges and amplitudes may then also be texts with
+        units, such as ``t_end = "20 ms"``.
     numbers : Numbers
         The seven dimensionless numbers.
     grid : GridSpec
@@ -216,11 +222,19 @@ class Case(InputModel):
     title: Annotated[Text, printable(200)] = ""
     model: Annotated[Text, one_of(MODEL_NAMES)] = "full"
     closures: Annotated[Text, one_of(CLOSURE_NAMES)] = "derived"
-    exponent: Annotated[Real, bounded(-1.0, 4.0, open_ends=True)] = 0.8
-    numbers: Numbers = Field(description="a table with the dimensionless numbers")
+    exponent: Annotated[Real, bounded(-0.5, 4.0, open_ends=True)] = 0.8
+    suspension: Suspension | None = None
+    numbers: Numbers = Field(
+        description="a table with the dimensionless numbers; or give a table suspension, in SI"
+    )
     grid: GridSpec = Field(description="a table with points and lengths")
     initial: Initial = Field(default_factory=Initial)
     run: Run = Field(description="a table with at least t_end")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbers_follow(cls, data: Any) -> Any:
+        return resolve_suspension(data, CLOSURE_NAMES)
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Case:
@@ -285,5 +299,6 @@ class Case(InputModel):
         str
             The TOML document, with every default spelled out.
         """
-        data: dict[str, Any] = self.model_dump(exclude_none=True)
+        derived = set[str]() if self.suspension is None else {"numbers"}
+        data: dict[str, Any] = self.model_dump(exclude_none=True, exclude=derived)
         return case_text(data)

@@ -7,13 +7,16 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
-from triboflux.errors import InputError
+from triboflux.errors import InputError, nearest, shown
 
 if TYPE_CHECKING:
     from triboflux.case import Case, Mode
 
 DIMENSION_NAMES = ("x", "y", "z")
 """Names of the box's directions."""
+
+UNITS = ("scaled", "si")
+"""What the values of a result are: divided by their scales, or SI."""
 
 FEWEST_POINTS = 4
 MOST_POINTS = 2**20
@@ -69,6 +72,20 @@ def check_closures(case: Case) -> None:
             "exponent",
             f"is {case.exponent!r}, but must be 0.8 for the published closures",
             hint=" The derived closures accept any.",
+        )
+
+
+def check_units(case: Case, units: str) -> None:
+    """Refuse units that do not exist or that the case has no scales for; raises InputError."""
+    if units not in UNITS:
+        raise InputError.about(
+            "units", f"is {shown(units)}, but must be 'scaled' or 'si'", hint=nearest(units, UNITS)
+        )
+    if units == "si" and case.suspension is None:
+        raise InputError.about(
+            "units",
+            "is 'si', but SI needs the scales of a case with a table [suspension]; this one has "
+            "[numbers]",
         )
 
 

@@ -84,6 +84,9 @@ def run(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="OUT.nc", help="NetCDF file to write.")
     ],
+    units: Annotated[
+        str, typer.Option(metavar="scaled|si", help="Units of the fields in the result.")
+    ] = "scaled",
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -92,6 +95,7 @@ def run(
     Exit code 0: the run ended well. 1: refused, nothing written. 2: wrong usage. 3: the result is
     written, but its status is not ok. 130: interrupted, nothing written.
     """
+    from triboflux import case_checks
     from triboflux.case import Case
     from triboflux.files import require_writable
     from triboflux.initial_state import require_file
@@ -105,6 +109,7 @@ def run(
 
     with interruptible("nothing was written"):
         case = Case.from_toml(case_file)
+        case_checks.check_units(case, units)
         require_writable(output, overwrite=overwrite)
         if output.exists() and output.samefile(case_file):
             raise InputError(f"output {shown_path(output)} is the case file itself.")
@@ -119,6 +124,7 @@ def run(
                 return solve(case, on_progress=on_progress)
 
             result = in_background(work)
+        result = result.to_si() if units == "si" else result
         result.to_netcdf(output, overwrite=overwrite)
     if not quiet:
         _report(result, output)
@@ -126,14 +132,92 @@ def run(
         raise typer.Exit(EXIT_NOT_OK)
 
 
+@app.command(epilog="Example: triboflux numbers examples/polyethylene.toml")
+def numbers(
+    suspension_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SUSPENSION.toml", help="A file with a table [suspension], such as a case."
+        ),
+    ],
+    closures: Annotated[
+        str, typer.Option(metavar="derived|published", help="Closure set of the coefficients.")
+    ] = "derived",
+    form: Annotated[
+        str, typer.Option("--format", metavar="table|json|toml", help="How to print.")
+    ] = "table",
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="With tables: no reasons and warnings.")
+    ] = False,
+) -> None:
+    """Print coefficients in SI, the seven numbers, the regime and the model that suits."""
+    from triboflux import assessment_text
+    from triboflux.assessment import assess
+    from triboflux.suspension import Suspension
+
+    assessment_text.require_format(form)
+    suspension = Suspension.from_toml(suspension_file)
+    found = assess(suspension, closures)
+    assessment_text.write(
+        found, suspension, form, sys.stdout, closures=closures, sentences=not quiet
+    )
+
+
+@app.command(epilog="Example: triboflux export examples/polyethylene.toml --language c -o charge.h")
+def export(
+    suspension_file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SUSPENSION.toml", help="A file with a table [suspension], such as a case."
+        ),
+    ],
+    language: Annotated[
+        str, typer.Option(metavar="c|fortran|openfoam", help="Language of the source code.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="File to write; otherwise printed."),
+    ] = None,
+    closures: Annotated[
+        str, typer.Option(metavar="derived|published", help="Closure set of the coefficients.")
+    ] = "derived",
+    overwrite: Overwrite = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write the closed coefficients as source code for a CFD program."""
+    from triboflux.files import require_writable, written_at_once
+    from triboflux.suspension import Suspension
+
+    suspension = Suspension.from_toml(suspension_file)
+    if output is not None:
+        require_writable(output, overwrite=overwrite)
+        if output.exists() and output.samefile(suspension_file):
+            raise InputError(f"output {shown_path(output)} is the suspension's own file.")
+    from triboflux.export import export as exported  # imports SymPy
+
+    text = exported(suspension, language, closures)
+    if output is None:
+        sys.stdout.write(text)
+        return
+    with written_at_once(output, overwrite=overwrite) as partial:
+        partial.write_text(text, encoding="ascii")
+    if not quiet:
+        print(f"written to {shown_path(output)}")
+
+
 def _report(result: Result, output: Path) -> None:
     """Print how a run ended, and its warnings."""
+    si = result.units == "si"
+    # the sentences of a run speak of scaled values
+    scaled = " (scaled)" if si else ""
     for warning in result.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(f"warning{scaled}: {warning}", file=sys.stderr)
     stats, dataset = result.stats, result.dataset
+    time_unit, charge_unit = (" s", " C") if si else ("", "")
     print(
-        f"{result.status}: {result.stop_reason}; t = {float(dataset['time'][-1]):.7g}, "
-        f"peak charge {float(dataset['peak_charge'][-1]):.7g}, "
+        f"{result.status}: {result.stop_reason}{scaled}; "
+        f"t = {float(dataset['time'][-1]):.7g}{time_unit}, "
+        f"peak charge {float(dataset['peak_charge'][-1]):.7g}{charge_unit}, "
         f"steps {stats.get('accepted')} accepted and {stats.get('rejected')} rejected; "
         f"written to {shown_path(output)}"
     )
@@ -179,6 +263,34 @@ def _reproduce(number: int, folder: Path, *, overwrite: bool, quiet: bool) -> li
             return figures.reproduce(number, folder, overwrite=overwrite, on_progress=on_progress)
 
         return in_background(work)
+
+
+@app.command(epilog="Example: triboflux closures --restitution 0.9 --format csv > closures.csv")
+def closures(
+    restitution: Annotated[
+        float, typer.Option(metavar="E", help="Restitution coefficient, from 0 to 1.")
+    ] = 1.0,
+    exponent: Annotated[
+        float, typer.Option(metavar="A", help="Exponent of the charge transfer; 0.8 is Hertz's.")
+    ] = 0.8,
+    form: Annotated[
+        str, typer.Option("--format", metavar="FORMAT", help="table, json, csv or latex.")
+    ] = "table",
+    samples: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Sample N collisions and show what they give, too."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Compare the exact closure coefficients with those that the paper prints."""
+    from triboflux import audit, tables
+    from triboflux.terminal import interruptible
+
+    tables.require_format(form)
+    bar = tables.sampling_bar(quiet=quiet or samples is None)
+    with interruptible("nothing was printed"), bar as on_progress:
+        rows = audit.audit(restitution, exponent, samples=samples, on_progress=on_progress)
+    tables.write(rows, form, sys.stdout, restitution=restitution, exponent=exponent)
 
 
 if __name__ == "__main__":

@@ -216,7 +216,8 @@ def derived(restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
     restitution : float
         e, dimensionless, between 0 and 1.
     exponent : float
-        a in the transferred charge ~ (g.k)**a, dimensionless, above -1/2 (J_(1+2a) has to exist).
+        a in the transferred charge ~ (g.k)**a, dimensionless, above -1/2. The integrals exist
+        above -1; from -1/2 down a sampled J_(1+2a) has no finite error.
 
     Raises
     ------

@@ -49,7 +49,7 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     result : Result
         Of any model.
     time : float, optional
-        One of the result's output times, the nearest is taken; the last by default.
+        One of the result's output times, in its units; the nearest is taken, the last by default.
 
     Returns
     -------
@@ -66,15 +66,15 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     """
     import xarray as xr
 
-    data = result.dataset
-    times = data["time"].values
+    times = result.dataset["time"].values
     at = times[-1] if time is None else float(time)
     slack = 1e-9 * max(abs(times[-1]), 1e-300)
     if not times[0] - slack <= at <= times[-1] + slack:
         raise InputError(
             f"time: {at:g} is not allowed; the result covers {times[0]:g} to {times[-1]:g}."
         )
-    snapshot = data.sel(time=at, method="nearest")
+    nearest = int(np.argmin(np.abs(times - at)))
+    snapshot = result.to_scaled().dataset.isel(time=nearest)
     model, case = model_of(result), result.case
     grid = Grid(case.grid.points, case.grid.lengths)
     fields = Moments(**{name: jnp.asarray(snapshot[name].values) for name in model.evolves})

@@ -256,6 +256,7 @@ def _part(
 
 def _profiles(number: int, results: Sequence[Result]) -> Figure:
     """Draw the four panels that Figs. 1 and 2 have in common."""
+    results = [result.to_scaled() for result in results]
     _require_comparable(number, results)
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=_SIZE, dpi=_DOTS_PER_INCH, layout="constrained")

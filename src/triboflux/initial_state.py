@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from triboflux.errors import InputError, shown_path
+from triboflux.scales import Scales
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -149,16 +150,21 @@ def _fields_of_file(
     require_file(case)
     start = load(file)
     name = f"is {shown_path(file)}"
-    for what in ("points", "lengths"):
-        theirs, ours = getattr(start.case.grid, what), getattr(case.grid, what)
-        if theirs != ours:
+    factors = _scale_ratios(start.case, case)
+    lengths = [length * factors["length"] for length in start.case.grid.lengths]
+    for what, theirs, ours in (
+        ("points", start.case.grid.points, case.grid.points),
+        ("lengths", lengths, case.grid.lengths),
+    ):
+        # lengths that are scaled differently agree to round-off
+        if len(theirs) != len(ours) or not np.allclose(theirs, ours, rtol=_ROUND_OFF, atol=0.0):
             raise InputError.about(
                 "initial.file",
                 f"{name}, whose grid has {what} {list(theirs)}, but grid.{what} is {list(ours)}",
             )
-    last = start.dataset.isel(time=-1)
+    last = start.to_scaled().dataset.isel(time=-1)
     charge, covariance, variance = (
-        np.asarray(last[field].values, dtype=np.float64)
+        np.asarray(last[field].values, dtype=np.float64) * factors[field]
         for field in ("charge", "covariance", "variance")
     )
     for field, values in (("charge", charge), ("covariance", covariance), ("variance", variance)):
@@ -172,3 +178,12 @@ def _fields_of_file(
             "neutral unless initial.neutralising_background is true",
         )
     return charge, covariance, variance
+
+
+def _scale_ratios(before: Case, now: Case) -> dict[str, float]:
+    """Return by what scaled values are multiplied when the suspension changes between cases."""
+    names = ("length", "charge", "covariance", "variance")
+    if before.suspension is None or now.suspension is None:
+        return dict.fromkeys(names, 1.0)
+    old, new = Scales.of(before.suspension), Scales.of(now.suspension)
+    return {name: getattr(old, name) / getattr(new, name) for name in names}

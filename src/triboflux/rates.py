@@ -213,6 +213,33 @@ def closure_rates(
     )
 
 
+def scaled_rates(closures: ClosureValues, numbers: Any) -> ClosureRates:
+    """Return the coefficients of the scaled equations (5.2)-(5.4).
+
+    Parameters
+    ----------
+    closures : ClosureValues
+        All closure coefficients, made for the restitution of `numbers`.
+    numbers : Numbers
+        The seven dimensionless numbers; values may be traced JAX scalars.
+
+    Returns
+    -------
+    ClosureRates
+        Scaled by L, √Θ and Q0.
+    """
+    return closure_rates(
+        closures,
+        restitution=numbers.restitution,
+        diameter=1.0 / numbers.length_ratio,
+        velocity=1.0,
+        collision_time=numbers.tau_c,
+        drag_rate=1.0 / numbers.tau_p,
+        dispersion=1.0 / numbers.peclet,
+        conduction=1.0 / numbers.tau_sigma,
+    )
+
+
 def _times(time: Any, rate: Any) -> Any:
     """Return time * rate, 0 where the rate vanishes identically and the time may be infinite."""
     return 0.0 if isinstance(rate, float) and rate == 0.0 else time * rate

@@ -17,25 +17,34 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 import triboflux
+from triboflux import case_checks
 from triboflux.case import Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown, shown_path
 from triboflux.files import written_at_once
 from triboflux.memory import available_memory
+from triboflux.scales import Scales
 
 FORMAT_VERSION = 1
 """Version of the file format; raised when older programs could not read newer files."""
 
 _FIELDS = {
-    "charge": ("mean charge of a particle", "Q0"),
-    "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)"),
-    "variance": ("charge variance", "Q0^2"),
-    "field": ("electric field", "n Q0 L / epsilon_0"),
-    "potential": ("electric potential", "n Q0 L^2 / epsilon_0"),
-    "peak_charge": ("largest absolute mean charge in the box", "Q0"),
-    "realizability_margin": ("variance minus squared covariance, negative if impossible", "Q0^2"),
+    "charge": ("mean charge of a particle", "Q0", "charge", "C"),
+    "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)", "covariance", "C m s-1"),
+    "variance": ("charge variance", "Q0^2", "variance", "C2"),
+    "field": ("electric field", "n Q0 L / epsilon_0", "field", "V m-1"),
+    "potential": ("electric potential", "n Q0 L^2 / epsilon_0", "potential", "V"),
+    "peak_charge": ("largest absolute mean charge in the box", "Q0", "charge", "C"),
+    "realizability_margin": (
+        "variance minus squared covariance over granular temperature, negative if impossible",
+        "Q0^2",
+        "variance",
+        "C2",
+    ),
+    "time": ("time", "L / sqrt(Theta)", "time", "s"),
+    **{name: (f"position along {name}", "L", "length", "m") for name in DIMENSION_NAMES},
 }
-"""Long name and scale of every variable."""
+"""Long name, scale, the scale's name in `Scales`, and SI unit of everything with a dimension."""
 
 _VECTORS = ("covariance", "field")
 _TEXTS = ("case_toml", "status", "stop_reason", "stats_json", "warnings_json", "versions_json")
@@ -83,7 +92,8 @@ class Result:
     ----------
     dataset : xarray.Dataset
         Fields over ``time``, ``component`` and ``x``, ``y``, ``z``, scaled as each variable's
-        ``scale`` says; provenance in the attributes. The last time is the stop time.
+        ``scale`` says, or in SI after `to_si`; provenance in the attributes. The last time is the
+        stop time.
     """
 
     dataset: xr.Dataset
@@ -112,6 +122,53 @@ class Result:
     def warnings(self) -> tuple[str, ...]:
         """Sentences that the user must be told."""
         return tuple(json.loads(self.dataset.attrs["warnings_json"]))
+
+    @property
+    def units(self) -> str:
+        """``"scaled"``, or ``"si"`` after `to_si`."""
+        return str(self.dataset.attrs.get("units", "scaled"))
+
+    def to_si(self) -> Result:
+        """Return the same result with every field and coordinate in SI.
+
+        Returns
+        -------
+        Result
+            Each variable's ``units`` attribute names its unit.
+
+        Raises
+        ------
+        InputError
+            If the case has no suspension, hence no scales.
+        """
+        return self if self.units == "si" else self._in("si")
+
+    def to_scaled(self) -> Result:
+        """Return the same result with everything divided by its scale, as it was computed.
+
+        Returns
+        -------
+        Result
+            Equal to the one that `to_si` was called on, to round-off.
+        """
+        return self if self.units == "scaled" else self._in("scaled")
+
+    def _in(self, units: str) -> Result:
+        """Multiply or divide everything by its scale."""
+        case = self.case
+        case_checks.check_units(case, "si")
+        assert case.suspension is not None
+        scales = Scales.of(case.suspension)
+        changed: dict[Any, Any] = {}
+        for name, (_, _, scale, _) in _FIELDS.items():
+            if name in self.dataset.variables:
+                old, factor = self.dataset[name], getattr(scales, scale)
+                values = old.values * factor if units == "si" else old.values / factor
+                changed[name] = (old.dims, values, _labels(name, si=units == "si"))
+        dataset = self.dataset.assign_coords(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+            {name: changed.pop(name) for name in list(self.dataset.coords) if name in changed}
+        )
+        return Result(dataset.assign(changed).assign_attrs(units=units))
 
     def to_netcdf(self, path: str | PathLike[str], overwrite: bool = False) -> None:
         """Write the result as NetCDF, all of it or nothing.
@@ -201,10 +258,8 @@ def build_dataset(
     }
     variables: dict[str, Any] = {}
     for name, values in arrays.items():
-        long_name, scale = _FIELDS[name]
-        labels = {"long_name": long_name, "units": "1", "scale": scale}
         dimensions = dimensions_of(name, case.grid.dimensions)
-        variables[name] = (dimensions, np.asarray(values, dtype=np.float64), labels)
+        variables[name] = (dimensions, np.asarray(values, dtype=np.float64), _labels(name))
     return xr.Dataset(
         variables,
         coords=_coordinates(case, times),
@@ -212,6 +267,7 @@ def build_dataset(
             **(attributes or {}),
             "title": case.title,
             "format_version": FORMAT_VERSION,
+            "units": "scaled",
             "case_toml": case.to_toml(),
             "status": status,
             "stop_reason": stop_reason,
@@ -223,6 +279,12 @@ def build_dataset(
     )
 
 
+def _labels(name: str, *, si: bool = False) -> dict[str, str]:
+    """Return the attributes of a variable or coordinate."""
+    long_name, scale, _, unit = _FIELDS[name]
+    return {"long_name": long_name} | ({"units": unit} if si else {"units": "1", "scale": scale})
+
+
 def _plain(value: Any) -> Any:
     """Turn numpy and JAX numbers into what JSON knows."""
     return value.tolist()
@@ -230,9 +292,8 @@ def _plain(value: Any) -> Any:
 
 def _coordinates(case: Case, times: ArrayLike) -> dict[str, Any]:
     """Return the labelled coordinates of a dataset."""
-    labels = {"long_name": "time", "units": "1", "scale": "L / sqrt(Theta)"}
     coordinates: dict[str, Any] = {
-        "time": ("time", np.asarray(times, dtype=np.float64), labels),
+        "time": ("time", np.asarray(times, dtype=np.float64), _labels("time")),
         "component": (
             "component",
             np.arange(case.grid.dimensions),
@@ -241,8 +302,7 @@ def _coordinates(case: Case, times: ArrayLike) -> dict[str, Any]:
     }
     grid = zip(DIMENSION_NAMES, case.grid.points, case.grid.lengths, strict=False)
     for name, points, length in grid:
-        labels = {"long_name": f"position along {name}", "units": "1", "scale": "L"}
-        coordinates[name] = (name, np.arange(points) * (length / points), labels)
+        coordinates[name] = (name, np.arange(points) * (length / points), _labels(name))
     return coordinates
 
 
@@ -302,10 +362,16 @@ def _require_ours(dataset: xr.Dataset, name: str) -> None:
             readable = False
         if not readable:
             raise InputError(f"{name} is damaged: its attribute {attribute} is unreadable.")
+    if Result(dataset).units not in case_checks.UNITS:
+        raise InputError(
+            f"{name} is damaged: its attribute units is {shown(Result(dataset).units)}."
+        )
     try:
         case = Result(dataset).case
     except InputError as error:
         raise InputError(f"{name} is damaged: its case is not allowed, {error}") from None
+    if Result(dataset).units == "si" and case.suspension is None:
+        raise InputError(f"{name} is damaged: its attribute units is 'si' without a suspension.")
     _require_shapes(dataset, case, name)
     available = available_memory()
     if available is not None and dataset.nbytes > available:
@@ -316,7 +382,7 @@ def _require_shapes(dataset: xr.Dataset, case: Case, name: str) -> None:
     """Refuse a dataset whose variables do not fit its case's grid."""
     sizes = dict(zip(DIMENSION_NAMES, case.grid.points, strict=False))
     sizes |= {"component": case.grid.dimensions, "time": dataset.sizes.get("time", 0)}
-    for variable in ("time", *_FIELDS):
+    for variable in (name for name in _FIELDS if name not in DIMENSION_NAMES):
         expected = dimensions_of(variable, case.grid.dimensions)
         if variable not in dataset.variables or dataset[variable].dims != expected:
             raise InputError(f"{name} is damaged: its variable {variable} is missing or misshapen.")

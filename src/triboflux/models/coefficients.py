@@ -11,7 +11,7 @@ from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import OutOfRangeError
 from triboflux.numbers import Numbers
-from triboflux.rates import closure_rates
+from triboflux.rates import scaled_rates
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -102,24 +102,14 @@ def transport_coefficients(
     TransportCoefficients
         Not checked; see `validity`.
     """
-    inverse_tau_sigma = 1.0 / numbers.tau_sigma
-    rates = closure_rates(
-        closure_set,
-        restitution=numbers.restitution,
-        diameter=1.0 / numbers.length_ratio,
-        velocity=1.0,
-        collision_time=numbers.tau_c,
-        drag_rate=1.0 / numbers.tau_p,
-        dispersion=1.0 / numbers.peclet,
-        conduction=inverse_tau_sigma,
-    )
+    rates = scaled_rates(closure_set, numbers)
     k1, k2 = rates.third_moment, rates.third_moment_trace
     g1, g2 = rates.shear, rates.divergence
     n_t = closure_set.trace_dimensions(dimensions)
     trace_part = k2 * (2.0 * g1 + n_t * g2) / (k1 + n_t * k2)
     return TransportCoefficients(
         flux=1.0 + rates.collisional_flux,
-        triboconductivity=inverse_tau_sigma,
+        triboconductivity=1.0 / numbers.tau_sigma,
         dispersion=1.0 / numbers.peclet,
         gradient_production=rates.gradient_production,
         field_production=rates.field_production,
