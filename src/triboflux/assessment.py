@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 from triboflux import closures
 from triboflux.collision import HERTZ_EXPONENT
 from triboflux.numbers import Numbers, from_suspension, transport_of
-from triboflux.rates import ClosureRates, SuspensionTransport, closure_rates, scaled_rates
+from triboflux.rates import (
+    WARN_TRANSFERRED_FRACTION,
+    ClosureRates,
+    SuspensionTransport,
+    closure_rates,
+    scaled_rates,
+)
 from triboflux.scales import Scales
 
 if TYPE_CHECKING:
@@ -18,7 +24,6 @@ if TYPE_CHECKING:
 TOLERANCE = 0.05
 """Estimated relative error of a relaxation time up to which a reduced model is proposed."""
 
-WARN_TRANSFERRED_FRACTION = 0.25
 _STRONG_COLLISIONS = 0.01
 _NEAR_PACKING = 0.9
 _LARGE_KNUDSEN = 0.1

@@ -15,6 +15,9 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from triboflux.closures import collision_integral
 
+WARN_TRANSFERRED_FRACTION = 0.25
+"""The γΘ^(a/2) from which the linear law of charge transfer is told to be strained."""
+
 
 @runtime_checkable
 class ClosureValues(Protocol):

@@ -11,11 +11,9 @@ from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import OutOfRangeError
 from triboflux.numbers import Numbers
-from triboflux.rates import scaled_rates
+from triboflux.rates import WARN_TRANSFERRED_FRACTION, scaled_rates
 
 Scalar: TypeAlias = float | Float[Array, ""]
-
-WARN_TRANSFERRED_FRACTION = 0.25
 
 
 class TransportCoefficients(eqx.Module):
