@@ -133,7 +133,7 @@ def test_charge_passed_over_is_what_the_field_at_the_contact_moves(
 def test_ratio_of_both_transfers(length, diameter, permittivity):
     beta = collision.field_transfer(length, diameter, permittivity)
     gamma = collision.charge_transfer(length, diameter)
-    assert beta / gamma == pytest.approx(math.pi * permittivity * diameter**2, rel=1e-13)
+    assert beta / gamma == pytest.approx(math.pi * permittivity * diameter**2, rel=1e-13, abs=0.0)
 
 
 def test_arrays_go_through_like_single_pairs():
@@ -149,7 +149,7 @@ def test_arrays_go_through_like_single_pairs():
             (c1[:, i], c2[:, i]), tuple(charges[:, i]), k[:, i], field=field[:, i], **rule
         )
         assert_allclose(together.velocity_1[:, i], alone.velocity_1, rtol=1e-14)
-        assert together.charge_1[i] == pytest.approx(alone.charge_1, rel=1e-14)
+        assert together.charge_1[i] == pytest.approx(alone.charge_1, rel=1e-14, abs=0.0)
 
 
 REGISTRY = pint.UnitRegistry()
@@ -191,7 +191,7 @@ def test_every_sum_is_of_one_kind():
     )
     assert outcome.velocity_1.check("[length] / [time]")
     total = (outcome.charge_1 + outcome.charge_2).to("C").magnitude
-    assert total == pytest.approx(-1e-13, rel=1e-12)
+    assert total == pytest.approx(-1e-13, rel=1e-12, abs=0.0)
 
 
 def test_contact_length_against_hertz():
@@ -208,5 +208,5 @@ def test_contact_length_against_hertz():
         for spheres in (1, 2)
     ]
     ours = collision.contact_length(mass, diameter, modulus, poisson) * approach**0.8
-    assert ours == pytest.approx(overlaps[0], rel=1e-12)
-    assert overlaps[1] / ours == pytest.approx(2 ** (2 / 5), rel=1e-12)
+    assert ours == pytest.approx(overlaps[0], rel=1e-12, abs=0.0)
+    assert overlaps[1] / ours == pytest.approx(2 ** (2 / 5), rel=1e-12, abs=0.0)

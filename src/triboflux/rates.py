@@ -111,7 +111,7 @@ class ClosureRates(NamedTuple):
     gradient_production : float
         Θ P, covariance from the charge gradient, m²/s²; (3.4).
     field_production : float
-        Covariance from the electric field, Θ^(1/2) times m/s per V/m and C; (3.4).
+        S, covariance from the electric field, C²/kg; (3.4).
     covariance_destruction : float
         R, 1/s; (3.3) and (3.4).
     third_moment : float
@@ -123,7 +123,7 @@ class ClosureRates(NamedTuple):
     variance_destruction : float
         F, 1/s; (4.2).
     variance_field_production : float
-        B, in front of |E|²; (4.2).
+        B, in front of |E|², C⁴ s³/(kg² m²); (4.2).
     variance_collisional_dispersion : float
         Dv_coll, m²/s; (4.2).
     variance_flux_destruction : float
