@@ -29,6 +29,7 @@ FORMAT_VERSION = 1
 """Version of the file format; raised when older programs could not read newer files."""
 
 _FIELDS = {
+    "time": ("time", "L / sqrt(Theta)", "time", "s"),
     "charge": ("mean charge of a particle", "Q0", "charge", "C"),
     "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)", "covariance", "C m s-1"),
     "variance": ("charge variance", "Q0^2", "variance", "C2"),
@@ -41,7 +42,6 @@ _FIELDS = {
         "variance",
         "C2",
     ),
-    "time": ("time", "L / sqrt(Theta)", "time", "s"),
     **{name: (f"position along {name}", "L", "length", "m") for name in DIMENSION_NAMES},
 }
 """Long name, scale, the scale's name in `Scales`, and SI unit of everything with a dimension."""

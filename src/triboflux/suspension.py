@@ -340,6 +340,7 @@ class _File(InputModel):
     model: Any = None
     closures: Any = None
     exponent: Any = None
+    numbers: Any = None
     grid: Any = None
     initial: Any = None
     run: Any = None
