@@ -32,8 +32,10 @@ from triboflux.validation import (
     printable,
 )
 
-MODEL_NAMES = ("full",)
+MODEL_NAMES = ("full", "semi-algebraic", "algebraic", "gradient", "collisional")
 """Names of the transport models."""
+MODELS_WITH_VARIANCE = ("full", "semi-algebraic", "algebraic")
+"""Those that know the charge variance."""
 CLOSURE_NAMES = ("derived", "published")
 """Names of the closure sets."""
 

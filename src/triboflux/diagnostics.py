@@ -15,13 +15,15 @@ from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.models.model import Model
-from triboflux.models.terms import evaluate
+from triboflux.models.terms import evaluate, values_of
 from triboflux.moments import Moments
 
 if TYPE_CHECKING:
     import xarray as xr
     from jaxtyping import Array
 
+    from triboflux.case import Case
+    from triboflux.integrate import Carry
     from triboflux.result import Result
 
 # The spectrum of a resolved field has decayed to this part of its largest coefficient.
@@ -103,6 +105,52 @@ def _all_terms(model: Model, grid: Grid, fields: Moments) -> dict[str, Array]:
     return {moment: jnp.stack(values) for moment, values in stacked.items()}
 
 
+def broken_limit(model: Model, grid: Grid, carry: Carry) -> str:
+    """Say which limit of an algebraic closure is broken most, where and when.
+
+    Parameters
+    ----------
+    model : Model
+        With limits.
+    grid : Grid
+        Where the state lives.
+    carry : Carry
+        Of the run, at the time in question.
+    """
+    calculus = FourierCalculus(grid)
+    worst: list[tuple[float, str]] = []
+    for limit in model.limits:
+        values = getattr(values_of((limit,), calculus, carry.coefficients), limit.moment)
+        values = np.asarray(values)
+        index = np.unravel_index(int(np.argmin(values)), values.shape)
+        place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), index, strict=True))
+        relative = float(values[index]) / max(float(np.abs(values).max()), 1e-300)
+        sentence = (
+            f"{limit.name} falls to {float(values[index]):.3g} at x = {place}, "
+            f"t = {float(carry.time):.6g}"
+        )
+        worst.append((relative, sentence))
+    return min(worst)[1]
+
+
+def unused_initial_warnings(case: Case, model: Model) -> list[str]:
+    """Say which initial moments a case gives that its model does not start from.
+
+    Parameters
+    ----------
+    case : Case
+        With modes; a file holds all moments and is no reason to warn.
+    model : Model
+        The one it asks for.
+    """
+    given = {name: getattr(case.initial, name) for name in ("covariance", "variance")}
+    return [
+        f"initial.{name} is not used: the {model.name} model has no equation for it."
+        for name, modes in given.items()
+        if modes and name not in model.evolves
+    ]
+
+
 def realizability_warnings(
     grid: Grid, times: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> list[str]:
@@ -115,8 +163,10 @@ def realizability_warnings(
     times : np.ndarray
         Output times.
     fields : Mapping
-        With ``covariance[time, component, x…]`` and ``variance[time, x…]``.
+        With ``covariance[time, component, x…]`` and, if the model has one, ``variance[time, x…]``.
     """
+    if "variance" not in fields:
+        return []
     margin = fields["variance"] - np.sum(fields["covariance"] ** 2, axis=1)
     scale = np.maximum(np.max(np.abs(fields["variance"])), 1e-300)
     # The Fourier tail of a variance that vanishes at places is not a breach.

@@ -100,7 +100,7 @@ class Outcome(eqx.Module):
     accepted, rejected : Array
         Numbers of steps.
     stopped : dict of str to Array
-        Whether the rule ``"peak_charge"`` or ``"rate"`` ended it.
+        Whether the rule ``"peak_charge"``, ``"rate"`` or ``"nonphysical"`` ended it.
     finished : Array
         Whether it is over: stopped, at the end, or failed; otherwise `max_steps` were made.
     failed : Array
@@ -194,7 +194,7 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
         solver.error_order(term),
     )
     step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
-    rules = _stop_rules(term, grid, settings)
+    rules = _stop_rules(model, term, grid, settings)
     root_finder = Illinois(jnp.maximum(STOP_PRECISION * settings.rtol, FINEST))
     solution = diffrax.diffeqsolve(
         term,
@@ -267,7 +267,9 @@ def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
     return saved
 
 
-def _stop_rules(term: SemilinearTerm, grid: Grid, settings: Settings) -> dict[str, Any]:
+def _stop_rules(
+    model: Model, term: SemilinearTerm, grid: Grid, settings: Settings
+) -> dict[str, Any]:
     """Return functions of the state that fall through zero where the run is to stop."""
     values: Any = {"peak_charge": settings.stop_at_peak_charge, "rate": settings.stop_at_rate}
 
@@ -281,5 +283,9 @@ def _stop_rules(term: SemilinearTerm, grid: Grid, settings: Settings) -> dict[st
     def rate(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
         return grid.rms(term.vf(t, y, args).charge) - values["rate"]
 
+    def nonphysical(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
+        return model.margin(FourierCalculus(grid), y)
+
     rules = {"peak_charge": peak_charge, "rate": rate}
-    return {name: rule for name, rule in rules.items() if values[name] is not None}
+    chosen = {name: rule for name, rule in rules.items() if values[name] is not None}
+    return chosen | {"nonphysical": nonphysical} if model.limits else chosen

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 import triboflux
 from triboflux import case_checks
-from triboflux.case import Case
+from triboflux.case import MODELS_WITH_VARIANCE, Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown, shown_path
 from triboflux.files import written_at_once
@@ -202,11 +202,11 @@ def build_dataset(
     times: ArrayLike,
     charge: ArrayLike,
     covariance: ArrayLike,
-    variance: ArrayLike,
     field: ArrayLike,
     potential: ArrayLike,
     peak_charge: ArrayLike,
     *,
+    variance: ArrayLike | None = None,
     status: str,
     stop_reason: str,
     stats: Mapping[str, Any],
@@ -221,12 +221,15 @@ def build_dataset(
         What was run.
     times : array_like
         Shape ``(time,)``; the last is the stop time.
-    charge, variance, potential : array_like
+    charge, potential : array_like
         Shape ``(time, *points)``.
     covariance, field : array_like
         Shape ``(time, dimensions, *points)``.
     peak_charge : array_like
         Largest absolute charge in the box, shape ``(time,)``.
+    variance : array_like, optional
+        Shape ``(time, *points)``; without it the model knows none, and the dataset has neither it
+        nor the margin of realizability.
     status, stop_reason : str
         How the run ended.
     stats : mapping
@@ -246,16 +249,16 @@ def build_dataset(
     ValueError
         If shapes contradict each other.
     """
-    covariance, variance = np.asarray(covariance), np.asarray(variance)
     arrays = {
         "charge": charge,
         "covariance": covariance,
-        "variance": variance,
         "field": field,
         "potential": potential,
         "peak_charge": peak_charge,
-        "realizability_margin": variance - (covariance**2).sum(axis=1),
     }
+    if variance is not None:
+        margin = np.asarray(variance) - (np.asarray(covariance) ** 2).sum(axis=1)
+        arrays |= {"variance": variance, "realizability_margin": margin}
     variables: dict[str, Any] = {}
     for name, values in arrays.items():
         dimensions = dimensions_of(name, case.grid.dimensions)
@@ -382,7 +385,8 @@ def _require_shapes(dataset: xr.Dataset, case: Case, name: str) -> None:
     """Refuse a dataset whose variables do not fit its case's grid."""
     sizes = dict(zip(DIMENSION_NAMES, case.grid.points, strict=False))
     sizes |= {"component": case.grid.dimensions, "time": dataset.sizes.get("time", 0)}
-    for variable in (name for name in _FIELDS if name not in DIMENSION_NAMES):
+    without = () if case.model in MODELS_WITH_VARIANCE else ("variance", "realizability_margin")
+    for variable in (name for name in _FIELDS if name not in (*DIMENSION_NAMES, *without)):
         expected = dimensions_of(variable, case.grid.dimensions)
         if variable not in dataset.variables or dataset[variable].dims != expected:
             raise InputError(f"{name} is damaged: its variable {variable} is missing or misshapen.")

@@ -68,9 +68,9 @@ class _Record:
     accepted: int = 0
     rejected: int = 0
 
-    def add(self, grid: Grid, time: float, coefficients: Moments) -> None:
+    def add(self, model: models.Model, grid: Grid, time: float, coefficients: Moments) -> None:
         self.times.append(time)
-        observed = _observe(grid, coefficients)
+        observed = _observe(model, grid, coefficients)
         self.fields.append({name: np.asarray(values) for name, values in observed.items()})
 
     def stacked(self) -> dict[str, np.ndarray]:
@@ -91,7 +91,8 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     -------
     Result
         Its status is ``"ok"`` if the run ended as the case asks, ``"diverged"`` if the step size
-        collapsed; everything up to there is in the dataset.
+        collapsed, ``"nonphysical"`` if an algebraic closure made no sense any longer; everything
+        up to there is in the dataset.
 
     Raises
     ------
@@ -104,19 +105,29 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     require_memory(case)
     closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
     model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
-    warnings = list(models.validity(model.coefficients, closure_set, case.run.allow_out_of_range))
+    warnings = [
+        *models.validity(
+            model.coefficients, closure_set, case.run.allow_out_of_range, model_name=case.model
+        ),
+        *diagnostics.unused_initial_warnings(case, model),
+    ]
     # As arrays, so that a case with other numbers reuses the compiled program.
     model = jax.tree.map(jnp.asarray, model)
     grid = Grid(case.grid.points, case.grid.lengths)
     carry = _begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
-    _check_stop_value(case, _peak(grid, carry))
+    _check_stop_value(case, float(_peak(grid, carry.coefficients)))
 
     record = _Record()
-    outcome = _run_segments(case, model, grid, carry, record, on_progress)
+    if model.limits and float(_margin(model, grid, carry.coefficients)) <= 0.0:
+        record.add(model, grid, 0.0, carry.coefficients)
+        status, reason = "nonphysical", diagnostics.broken_limit(model, grid, carry)
+    else:
+        outcome = _run_segments(case, model, grid, carry, record, on_progress)
+        carry = outcome.carry
+        status, reason = _ending(case, model, grid, outcome)
     times, fields = np.array(record.times), record.stacked()
-    status = "diverged" if bool(outcome.failed) else "ok"
     if status == "ok":
-        warnings += diagnostics.resolution_warnings(grid, outcome.carry.coefficients)
+        warnings += diagnostics.resolution_warnings(grid, carry.coefficients)
     warnings += diagnostics.realizability_warnings(grid, times, fields)
     stats = {
         "accepted": record.accepted,
@@ -128,7 +139,7 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
         times,
         **fields,
         status=status,
-        stop_reason=_stop_reason(case, outcome),
+        stop_reason=reason,
         stats=stats,
         warnings=warnings,
         attributes={"trace_dimensions": closure_set.trace_dimensions(grid.dimensions)},
@@ -163,7 +174,7 @@ def _run_segments(
         stop_at_rate=_optional(run.stop_at_rate),
         max_steps=STEPS_SMALL if small else STEPS_LARGE,
     )
-    initial_peak = max(_peak(grid, carry), 1e-300)
+    initial_peak = max(float(_peak(grid, carry.coefficients)), 1e-300)
     done = 0.0
     while True:
         # Times that are done move to the end, where they are recorded again only if it is reached.
@@ -176,12 +187,12 @@ def _run_segments(
         outcome = _advance(model, carry, grid, segment)
         reached = min(int(np.sum(np.isfinite(outcome.times))), len(left))
         for i in range(reached):
-            record.add(grid, left[i], jax.tree.map(lambda a: a[i], outcome.outputs))  # noqa: B023
+            record.add(model, grid, left[i], jax.tree.map(lambda a: a[i], outcome.outputs))  # noqa: B023
         record.accepted += int(outcome.accepted)
         record.rejected += int(outcome.rejected)
         carry = outcome.carry
         if on_progress is not None:
-            peak = _peak(grid, carry)
+            peak = float(_peak(grid, carry.coefficients))
             # The peak may rise again, but what is done stays done.
             done = max(done, _fraction(case, float(carry.time), peak, initial_peak))
             now = Progress(
@@ -192,7 +203,7 @@ def _run_segments(
             break
     time = float(carry.time)
     if not record.times or record.times[-1] < time:
-        record.add(grid, time, carry.coefficients)
+        record.add(model, grid, time, carry.coefficients)
     return outcome
 
 
@@ -216,30 +227,41 @@ def _fraction(case: Case, time: float, peak: float, initial_peak: float) -> floa
     return min(fraction, 1.0)
 
 
-def _stop_reason(case: Case, outcome: Outcome) -> str:
+def _ending(case: Case, model: models.Model, grid: Grid, outcome: Outcome) -> tuple[str, str]:
+    """Return status and reason of the end of a run."""
     if bool(outcome.failed):
-        return f"the step size collapsed at t = {float(outcome.time):.6g}"
+        return "diverged", f"the step size collapsed at t = {float(outcome.carry.time):.6g}"
+    if bool(outcome.stopped.get("nonphysical", False)):
+        return "nonphysical", diagnostics.broken_limit(model, grid, outcome.carry)
     if bool(outcome.stopped.get("peak_charge", False)):
-        return f"peak charge fell to {case.run.stop_at_peak_charge:g}"
+        return "ok", f"peak charge fell to {case.run.stop_at_peak_charge:g}"
     if bool(outcome.stopped.get("rate", False)):
-        return f"the rate of change of the charge fell to {case.run.stop_at_rate:g}"
-    return f"reached t_end = {case.run.t_end:g}"
-
-
-def _peak(grid: Grid, carry: Carry) -> float:
-    # Compiled together with the fields, which are cheap beside a segment of steps.
-    return float(_observe(grid, carry.coefficients)["peak_charge"])
+        return "ok", f"the rate of change of the charge fell to {case.run.stop_at_rate:g}"
+    return "ok", f"reached t_end = {case.run.t_end:g}"
 
 
 @eqx.filter_jit
-def _observe(grid: Grid, coefficients: Moments) -> dict[str, Any]:
-    """Return the fields of a result from Fourier coefficients."""
+def _peak(grid: Grid, coefficients: Moments) -> Array:
+    return grid.peak(coefficients.charge)
+
+
+@eqx.filter_jit
+def _margin(model: models.Model, grid: Grid, coefficients: Moments) -> Array:
+    return model.margin(FourierCalculus(grid), coefficients)
+
+
+@eqx.filter_jit
+def _observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str, Any]:
+    """Return the fields of a result from Fourier coefficients; no variance if none is modelled."""
     calculus = FourierCalculus(grid)
-    return {
-        "charge": grid.to_fields(coefficients.charge),
-        "covariance": grid.to_fields(coefficients.covariance),
-        "variance": grid.to_fields(coefficients.variance),
-        "field": grid.to_fields(calculus.electric_field(coefficients.charge)),
+    fields = model.fields(calculus, coefficients)
+    electric_field = grid.to_fields(calculus.electric_field(coefficients.charge))
+    neglected = fields.covariance is None
+    observed = {
+        "charge": fields.charge,
+        "covariance": jnp.zeros_like(electric_field) if neglected else fields.covariance,
+        "field": electric_field,
         "potential": grid.to_fields(calculus.potential(coefficients.charge)),
         "peak_charge": grid.peak(coefficients.charge),
     }
+    return observed if fields.variance is None else observed | {"variance": fields.variance}

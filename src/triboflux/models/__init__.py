@@ -12,10 +12,17 @@ from triboflux.models.coefficients import (
 )
 from triboflux.models.full import full
 from triboflux.models.model import Model
+from triboflux.models.reduced import algebraic, collisional, gradient, semi_algebraic
 from triboflux.models.terms import Operator, Product, Term, evaluate
 from triboflux.numbers import Numbers
 
-REGISTRY = {"full": full}
+REGISTRY = {
+    "full": full,
+    "semi-algebraic": semi_algebraic,
+    "algebraic": algebraic,
+    "gradient": gradient,
+    "collisional": collisional,
+}
 
 __all__ = [
     "REGISTRY",

@@ -127,7 +127,11 @@ def transport_coefficients(
 
 
 def validity(
-    coefficients: TransportCoefficients, closure_set: ClosureSet, allow_out_of_range: bool = False
+    coefficients: TransportCoefficients,
+    closure_set: ClosureSet,
+    allow_out_of_range: bool = False,
+    *,
+    model_name: str = "full",
 ) -> tuple[str, ...]:
     """Check the range of validity of the closures and return warnings, one sentence each.
 
@@ -139,6 +143,8 @@ def validity(
         Where they come from.
     allow_out_of_range : bool
         Accept collisions that on average pass over more than the charge difference.
+    model_name : str
+        Only what this model contains is checked.
 
     Raises
     ------
@@ -146,15 +152,25 @@ def validity(
         If a quantity that has to be positive is not, or γΘ^(a/2) is at or above its limit; the
         sentence names the quantity.
     """
+    c = coefficients
     positive = {
-        "the covariance destruction rate R": coefficients.covariance_destruction,
-        "K1 of the third-order moment": coefficients.third_moment,
-        "K1 + n_t K2 of the third-order moment": coefficients.third_moment_trace,
-        "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin": coefficients.variance_flux_destruction,
-        "G1 of the third-order moment": coefficients.shear,
-        "the longitudinal dispersion of the covariance": coefficients.longitudinal_dispersion,
+        "the covariance destruction rate R": c.covariance_destruction,
+        "K1 of the third-order moment": c.third_moment,
+        "K1 + n_t K2 of the third-order moment": c.third_moment_trace,
+        "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin": c.variance_flux_destruction,
+        "G1 of the third-order moment": c.shear,
+        "the longitudinal dispersion of the covariance": c.longitudinal_dispersion,
     }
-    for name, value in positive.items():
+    first, *_ = positive
+    contained = {
+        "full": tuple(positive),
+        "semi-algebraic": (first, "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin"),
+        "algebraic": (first,),
+        "gradient": (first,),
+        "collisional": (),
+    }
+    for name in contained[model_name]:
+        value = positive[name]
         if not float(value) > 0.0:
             raise OutOfRangeError(
                 f"numbers: {name} is {float(value):.4g}; it must be positive for the "
@@ -180,7 +196,8 @@ def validity(
             f"difference; the linear law wants it well below 1/2."
         )
     growth = -float(coefficients.variance_destruction)
-    if growth > 0.0 or (growth == 0.0 and fraction > 0.0):
+    has_variance = model_name in ("full", "semi-algebraic")
+    if has_variance and (growth > 0.0 or (growth == 0.0 and fraction > 0.0)):
         origin = (
             "because the printed λ' = 12 is inverted"
             if closure_set.name == "published"

@@ -76,7 +76,7 @@ class Product:
     reads : tuple of str
         Names of the fields it multiplies, see `fields_of`.
     function : Callable
-        Values of these fields on the points -> values of the product.
+        Values of these fields on the points, then the term's parameters -> values of the product.
     """
 
     name: str
@@ -103,6 +103,8 @@ class Term(eqx.Module):
         A moment's name for a linear term, a product otherwise.
     coefficient : float or Array
         Dimensionless factor, sign included.
+    parameters : tuple of float or Array
+        What the function of a product needs beside fields, dimensionless.
     """
 
     name: str = eqx.field(static=True)
@@ -112,6 +114,7 @@ class Term(eqx.Module):
     operator: Operator = eqx.field(static=True)
     source: str | Product = eqx.field(static=True)
     coefficient: float | Float[Array, ""]
+    parameters: tuple[float | Float[Array, ""], ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -184,12 +187,15 @@ def evaluate(terms: tuple[Term, ...], discretisation: Discretisation, state: Mom
 def _product_sources(
     terms: tuple[Term, ...], discretisation: Discretisation, state: Moments
 ) -> dict[str, Array]:
-    products = {t.name + t.moment: t.source for t in terms if isinstance(t.source, Product)}
+    products = {t.name + t.moment: (t.source, t) for t in terms if isinstance(t.source, Product)}
     if not products:
         return {}
-    names = tuple(sorted({name for product in products.values() for name in product.reads}))
+    names = tuple(sorted({name for product, _ in products.values() for name in product.reads}))
     fields = dict(zip(names, fields_of(discretisation, state, names), strict=True))
-    values = [p.function(*(fields[name] for name in p.reads)) for p in products.values()]
+    values = [
+        product.function(*(fields[name] for name in product.reads), *term.parameters)
+        for product, term in products.values()
+    ]
     dimensions = discretisation.grid.dimensions
     rows = [value.reshape((-1, *value.shape[-dimensions:])) for value in values]
     back = discretisation.from_values(jnp.concatenate(rows))
@@ -199,3 +205,33 @@ def _product_sources(
         results[key] = piece if value.ndim > dimensions else piece[0]
         at += len(row)
     return results
+
+
+def values_of(terms: tuple[Term, ...], discretisation: Discretisation, state: Moments) -> Moments:
+    """Return the sum of terms on the points, without filtering the products.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+        Linear ones, and products under the identity.
+    discretisation : Discretisation
+        Fourier or finite differences.
+    state : Moments
+        In its representation.
+
+    Returns
+    -------
+    Moments
+        Values on the points; ``None`` for moments that no term adds to.
+    """
+    total: dict[str, Array] = {}
+    for term in terms:
+        if isinstance(term.source, Product):
+            fields = fields_of(discretisation, state, term.source.reads)
+            values = term.source.function(*fields, *term.parameters)
+        else:
+            applied = term.operator.apply(discretisation, getattr(state, term.source))
+            values = discretisation.values(applied)
+        value = term.coefficient * values
+        total[term.moment] = total[term.moment] + value if term.moment in total else value
+    return Moments(**total)

@@ -1,0 +1,214 @@
+"""The reduced models: what becomes of the full one where moments are closed algebraically.
+
+Without transport the covariance is ``C = (-P ∇Q + S E + u V E)/R``, the production and force terms
+of its equation over its destruction rate, (7.8). A reduced model puts that into the other two
+equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from triboflux.models import terms as t
+from triboflux.models.coefficients import TransportCoefficients
+from triboflux.models.full import charge_terms, covariance_terms, variance_terms
+from triboflux.models.model import Model
+
+PRODUCTION, FORCE = "production", "electric force"
+"""Groups of the covariance's terms that its algebraic value keeps."""
+
+
+def _numerator(gradient: Array, field: Array, *parameters: Array) -> Array:
+    """Return B |E|² - 2 C0·∇Q on the points, with C0 = (-P ∇Q + S E)/R."""
+    by_gradient, by_field, _, production, _ = parameters
+    return (
+        production * jnp.sum(field**2, axis=0)
+        + 2.0 * by_gradient * jnp.sum(gradient**2, axis=0)
+        - 2.0 * by_field * jnp.sum(field * gradient, axis=0)
+    )
+
+
+def _denominator(gradient: Array, field: Array, *parameters: Array) -> Array:
+    """Return F + 2 (u/R) E·∇Q on the points."""
+    _, _, by_force, _, destruction = parameters
+    return destruction + 2.0 * by_force * jnp.sum(field * gradient, axis=0)
+
+
+def _variance(gradient: Array, field: Array, *parameters: Array) -> Array:
+    """Return V of (7.8)-(7.9) on the points."""
+    return _numerator(gradient, field, *parameters) / _denominator(gradient, field, *parameters)
+
+
+def _force(gradient: Array, field: Array, *parameters: Array) -> Array:
+    """Return V E on the points, with V of (7.8)-(7.9)."""
+    return _variance(gradient, field, *parameters)[None] * field
+
+
+_GRADIENT_AND_FIELD = ("charge_gradient", "electric_field")
+ALGEBRAIC_VARIANCE = t.Product("V", _GRADIENT_AND_FIELD, _variance)
+ALGEBRAIC_FORCE = t.Product("V E", _GRADIENT_AND_FIELD, _force)
+NUMERATOR = t.Product("B |E|² - 2 C0·∇Q", _GRADIENT_AND_FIELD, _numerator)
+DENOMINATOR = t.Product("F + 2 (u/R) E·∇Q", _GRADIENT_AND_FIELD, _denominator)
+GRADIENT_SQUARED = t.Product("|∇Q|²", ("charge_gradient",), lambda g: jnp.sum(g**2, axis=0))
+FIELD_ALONG_GRADIENT = t.Product(
+    "E·∇Q", ("electric_field", "charge_gradient"), lambda e, g: jnp.sum(e * g, axis=0)
+)
+FORCE_ALONG_GRADIENT = t.Product(
+    "V E·∇Q",
+    ("variance", "electric_field", "charge_gradient"),
+    lambda v, e, g: v * jnp.sum(e * g, axis=0),
+)
+
+
+@dataclass(frozen=True)
+class _Substitution:
+    """What a part of the covariance becomes under ∇· and in its product with ∇Q."""
+
+    divergence: t.Operator
+    along_gradient: t.Product
+
+
+_SUBSTITUTIONS = {
+    t.GRADIENT: _Substitution(t.LAPLACIAN, GRADIENT_SQUARED),
+    t.ELECTRIC_FIELD: _Substitution(t.FIELD_DIVERGENCE, FIELD_ALONG_GRADIENT),
+    t.IDENTITY: _Substitution(t.DIVERGENCE, FORCE_ALONG_GRADIENT),
+}
+"""By the operator of the part."""
+
+
+def closed_covariance(
+    c: TransportCoefficients, groups: tuple[str, ...] = (PRODUCTION, FORCE)
+) -> tuple[t.Term, ...]:
+    """Return the parts of the algebraic covariance (7.8)."""
+    return tuple(
+        replace(part, equation="(7.8)", coefficient=part.coefficient / c.covariance_destruction)
+        for part in covariance_terms(c)
+        if part.group in groups
+    )
+
+
+def closed_charge_terms(c: TransportCoefficients, parts: tuple[t.Term, ...]) -> tuple[t.Term, ...]:
+    """Return the terms of the charge equation, the kinetic flux being that of a closed covariance.
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    parts : tuple of Term
+        The covariance, from `closed_covariance`; without any there is no kinetic flux.
+    """
+    flux, *others = charge_terms(c)
+    closed = (
+        replace(
+            flux,
+            name=f"{flux.name}, {part.name}",
+            operator=_SUBSTITUTIONS[part.operator].divergence,
+            source=part.source,
+            coefficient=flux.coefficient * part.coefficient,
+            parameters=part.parameters,
+        )
+        for part in parts
+    )
+    return (*closed, *others)
+
+
+def closed_variance_terms(
+    c: TransportCoefficients, parts: tuple[t.Term, ...]
+) -> tuple[t.Term, ...]:
+    """Return the terms of the variance equation, produced by a closed covariance.
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    parts : tuple of Term
+        The covariance, from `closed_covariance`.
+    """
+    production, *others = variance_terms(c)
+    closed = (
+        replace(
+            production,
+            name=f"{production.name}, {part.name}",
+            source=_SUBSTITUTIONS[part.operator].along_gradient,
+            coefficient=production.coefficient * part.coefficient,
+        )
+        for part in parts
+    )
+    return (*closed, *others)
+
+
+def semi_algebraic(c: TransportCoefficients) -> Model:
+    """Return the semi-algebraic model: equations for Q and V, the covariance from (7.8).
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    """
+    parts = closed_covariance(c)
+    terms = closed_charge_terms(c, parts) + closed_variance_terms(c, parts)
+    return Model("semi-algebraic", ("charge", "variance"), terms, c, parts)
+
+
+def algebraic(c: TransportCoefficients) -> Model:
+    """Return the coupled algebraic model: an equation for Q, C and V from (7.8)-(7.9).
+
+    ``V = (B |E|² - 2 C0·∇Q)/(F + 2 (u/R) E·∇Q)`` with ``C0 = (-P ∇Q + S E)/R``, which makes sense
+    where the denominator is positive and the numerator is not negative.
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    """
+    by_gradient, by_field, by_force = closed_covariance(c)
+    parameters = (
+        -by_gradient.coefficient,
+        by_field.coefficient,
+        by_force.coefficient,
+        c.variance_field_production,
+        c.variance_destruction,
+    )
+    force = replace(by_force, source=ALGEBRAIC_FORCE, parameters=parameters)
+    parts = (by_gradient, by_field, force)
+
+    def pointwise(name: str, source: t.Product) -> t.Term:
+        return t.Term(name, name, "(7.9)", "variance", t.IDENTITY, source, 1.0, parameters)
+
+    return Model(
+        "algebraic",
+        ("charge",),
+        closed_charge_terms(c, parts),
+        c,
+        closures=(*parts, pointwise("variance", ALGEBRAIC_VARIANCE)),
+        limits=(
+            pointwise("the denominator of the algebraic variance", DENOMINATOR),
+            pointwise("the algebraic variance", NUMERATOR),
+        ),
+    )
+
+
+def gradient(c: TransportCoefficients) -> Model:
+    """Return the gradient model of Montilla et al. (2020): (7.8) without the electric force.
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    """
+    parts = closed_covariance(c, (PRODUCTION,))
+    return Model("gradient", ("charge",), closed_charge_terms(c, parts), c, parts)
+
+
+def collisional(c: TransportCoefficients) -> Model:
+    """Return the model without covariance, as in Ceresiat, Kolehmainen & Ozel (2021).
+
+    Parameters
+    ----------
+    c : TransportCoefficients
+        Of the equations.
+    """
+    return Model("collisional", ("charge",), closed_charge_terms(c, ()), c)
