@@ -131,9 +131,9 @@ def test_texts_are_divided_by_their_scales():
 )
 def test_charges_may_be_told_by_what_carries_them(text, coulombs):
     (mode,) = case(initial__charge=[{"mode": [1], "cosine": text}]).initial.charge
-    assert mode.cosine == pytest.approx(coulombs / CHARGE, rel=1e-14)
+    assert mode.cosine == pytest.approx(coulombs / CHARGE, rel=1e-14, abs=0.0)
     stop = case(run__stop_at_peak_charge=text.removeprefix("-")).run.stop_at_peak_charge
-    assert stop == pytest.approx(abs(coulombs) / CHARGE, rel=1e-14)
+    assert stop == pytest.approx(abs(coulombs) / CHARGE, rel=1e-14, abs=0.0)
 
 
 def test_plain_numbers_keep_their_scaled_meaning():
@@ -191,7 +191,7 @@ def test_preset_in_a_file():
     table = 'preset = "glass-beads"\ndiameter = "1 mm"\ncharge_scale = "5 nC/m^2"\n\n'
     made = Case.from_toml_text(TOML[:start] + table + TOML[end:])
     assert made.suspension == presets.glass_beads(diameter=1e-3, charge_scale="5 nC/m^2")
-    assert made.suspension.charge_scale == pytest.approx(5e-9 * math.pi * 1e-6)
+    assert made.suspension.charge_scale == pytest.approx(5e-9 * math.pi * 1e-6, rel=1e-12, abs=0.0)
 
 
 def test_written_case_gives_the_suspension_and_not_its_numbers():

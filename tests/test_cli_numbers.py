@@ -22,7 +22,7 @@ from triboflux.suspension import Suspension
 
 POWDER = """
 title = "Powder"
-closures = "published"
+closures = "derived"
 
 [suspension]
 diameter = "500 um"
@@ -137,7 +137,7 @@ def test_toml_is_the_table_of_a_case(call, folder):
         assert (code, err) == (0, "")
         assert set(tomllib.loads(out)) == {"closures", "numbers"}
         typed = Case.from_toml_text(f"{out}\n[grid]\npoints = [16]\n[run]\nt_end = 0.3\n")
-        text = POWDER.replace('"published"', f'"{closures}"').replace('"3 s"', "0.3")
+        text = POWDER.replace('"derived"', f'"{closures}"').replace('"3 s"', "0.3")
         powder = Case.from_toml_text(text)
         # everything that a run depends on
         assert typed.numbers == powder.numbers
@@ -447,3 +447,14 @@ def test_run_in_si(folder):
     assert sorted(p.name for p in folder.iterdir()) == [
         *("glass.toml", "out.nc", "powder.toml", "typed.toml")
     ]
+
+
+def test_a_file_names_its_own_closures(tmp_path):
+    (tmp_path / "powder.toml").write_text('closures = "published"\n[suspension]\npreset = "pmma"\n')
+
+    def used(*options):
+        done = triboflux("numbers", "powder.toml", "--format", "toml", *options, folder=tmp_path)
+        return tomllib.loads(done.stdout)["closures"]
+
+    assert used() == "published"
+    assert used("--closures", "derived") == "derived"

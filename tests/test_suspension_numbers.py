@@ -79,12 +79,12 @@ def test_numbers_are_defined_as_in_the_paper(preset, closures, carried):
         "restitution": s.restitution,  # (5.19)
     }
     found = numbers.from_suspension(s, closures).model_dump()
-    assert found == pytest.approx(expected, rel=1e-13)
+    assert found == pytest.approx(expected, rel=1e-13, abs=0.0)
     transport = numbers.transport_of(s, closures)
-    assert transport.conductivity == pytest.approx(sigma, rel=1e-13)
-    assert transport.dispersion == pytest.approx(dispersion, rel=1e-13)
-    assert 1 / transport.collision_rate == pytest.approx(tau_c, rel=1e-13)
-    assert transport.transferred_fraction == pytest.approx(gamma * theta**0.4, rel=1e-13)
+    assert transport.conductivity == pytest.approx(sigma, rel=1e-13, abs=0.0)
+    assert transport.dispersion == pytest.approx(dispersion, rel=1e-13, abs=0.0)
+    assert 1 / transport.collision_rate == pytest.approx(tau_c, rel=1e-13, abs=0.0)
+    assert transport.transferred_fraction == pytest.approx(gamma * theta**0.4, rel=1e-13, abs=0.0)
 
 
 @pytest.mark.parametrize("closures", CLOSURES)

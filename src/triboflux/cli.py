@@ -141,8 +141,11 @@ def numbers(
         ),
     ],
     closures: Annotated[
-        str, typer.Option(metavar="derived|published", help="Closure set of the coefficients.")
-    ] = "derived",
+        str | None,
+        typer.Option(
+            metavar="derived|published", help="Closure set; otherwise the file's, or derived."
+        ),
+    ] = None,
     form: Annotated[
         str, typer.Option("--format", metavar="table|json|toml", help="How to print.")
     ] = "table",
@@ -153,13 +156,13 @@ def numbers(
     """Print coefficients in SI, the seven numbers, the regime and the model that suits."""
     from triboflux import assessment_text
     from triboflux.assessment import assess
-    from triboflux.suspension import Suspension
+    from triboflux.suspension import read_suspension_file
 
     assessment_text.require_format(form)
-    suspension = Suspension.from_toml(suspension_file)
-    found = assess(suspension, closures)
+    suspension, usual = read_suspension_file(suspension_file)
+    found = assess(suspension, closures or usual)
     assessment_text.write(
-        found, suspension, form, sys.stdout, closures=closures, sentences=not quiet
+        found, suspension, form, sys.stdout, closures=closures or usual, sentences=not quiet
     )
 
 
@@ -179,23 +182,26 @@ def export(
         typer.Option("--output", "-o", metavar="FILE", help="File to write; otherwise printed."),
     ] = None,
     closures: Annotated[
-        str, typer.Option(metavar="derived|published", help="Closure set of the coefficients.")
-    ] = "derived",
+        str | None,
+        typer.Option(
+            metavar="derived|published", help="Closure set; otherwise the file's, or derived."
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
     """Write the closed coefficients as source code for a CFD program."""
     from triboflux.files import require_writable, written_at_once
-    from triboflux.suspension import Suspension
+    from triboflux.suspension import read_suspension_file
 
-    suspension = Suspension.from_toml(suspension_file)
+    suspension, usual = read_suspension_file(suspension_file)
     if output is not None:
         require_writable(output, overwrite=overwrite)
         if output.exists() and output.samefile(suspension_file):
             raise InputError(f"output {shown_path(output)} is the suspension's own file.")
     from triboflux.export import export as exported  # imports SymPy
 
-    text = exported(suspension, language, closures)
+    text = exported(suspension, language, closures or usual)
     if output is None:
         sys.stdout.write(text)
         return
@@ -263,6 +269,61 @@ def _reproduce(number: int, folder: Path, *, overwrite: bool, quiet: bool) -> li
             return figures.reproduce(number, folder, overwrite=overwrite, on_progress=on_progress)
 
         return in_background(work)
+
+
+@app.command(epilog="Example: triboflux compare case.toml --models full,gradient -o figures")
+def compare(
+    case_file: Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case to run.")],
+    models: Annotated[
+        str, typer.Option(metavar="A,B,...", help="Models, whatever the case's own is.")
+    ] = "full,semi-algebraic,gradient",
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="DIR|FILE",
+            help="Folder, made if absent, for CASE_models.png, .pdf and .nc; or one of the files.",
+        ),
+    ] = Path(),
+    closures: Annotated[
+        str | None,
+        typer.Option(metavar="derived|published", help="Closure set; the case's own if absent."),
+    ] = None,
+    units: Annotated[
+        str, typer.Option(metavar="scaled|si", help="Units of the table, figure and data.")
+    ] = "scaled",
+    form: Annotated[
+        str, typer.Option("--format", metavar="table|json|csv", help="How to print the table.")
+    ] = "table",
+    overwrite: Overwrite = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="No progress, warnings and names of files.")
+    ] = False,
+) -> None:
+    """Run a case with several models: a table of their errors and cost, and a figure.
+
+    Errors are relative to the most complete model, at its last time. Exit code 0: all models ended
+    well. 1: refused, nothing written. 2: wrong usage. 3: all is written, but some model did not end
+    well. 130: interrupted, nothing written.
+    """
+    from triboflux import compare_output
+    from triboflux.terminal import interruptible
+
+    with interruptible("nothing was written"):
+        request = compare_output.request(
+            case_file, models, output, closures=closures, units=units, overwrite=overwrite
+        )
+        compare_output.require_format(form)
+        comparison = compare_output.run(request, quiet=quiet)
+        compare_output.write(comparison, form, sys.stdout)
+    if not quiet:
+        for warning in comparison.warnings:
+            print(f"warning: {warning}", file=sys.stderr)
+        for path in request.paths:
+            print(f"written: {shown_path(path)}", file=sys.stderr)
+    if any(row.status != "ok" for row in comparison.rows):
+        raise typer.Exit(EXIT_NOT_OK)
 
 
 @app.command(epilog="Example: triboflux closures --restitution 0.9 --format csv > closures.csv")

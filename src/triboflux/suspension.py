@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple, Protocol, cast, runtime_checkable
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from triboflux import collision
+from triboflux import closures, collision
 from triboflux.case_text import case_table, read_case_file
 from triboflux.drag import LAWS as DRAG_LAWS
 from triboflux.drag import DragState, drag_time
@@ -118,6 +118,7 @@ Speed = Annotated[Real, from_text("m/s"), _within(0.0, 1e3, "m/s")]
 ParticleCharge = Annotated[Real, BeforeValidator(_charge_per_particle), _within(1e-24, 1e-3, "C")]
 Poisson = Annotated[Real, from_text(""), bounded(-1.0, 0.5, open_ends=True)]
 Packing = Annotated[Real, from_text(""), bounded(0.0, CLOSEST_PACKING, open_ends=True)]
+ClosureName = Annotated[Text, one_of(closures.NAMES)]
 Restitution = Annotated[Real, from_text(""), bounded(0.0, 1.0)]
 RadialName = Annotated[Text, one_of(tuple(RADIAL_LAWS))]
 DragName = Annotated[Text, one_of(tuple(DRAG_LAWS))]
@@ -237,8 +238,7 @@ class Suspension(InputModel):
         InputError
             If the file can't be read, is not TOML, or the suspension is not allowed.
         """
-        text, name = read_case_file(path)
-        return _File(**case_table(text, Path(), name)).suspension
+        return read_suspension_file(path)[0]
 
     @classmethod
     def from_toml_text(cls, text: str) -> Suspension:
@@ -332,13 +332,38 @@ def _own_packing(law: str | None) -> float:
     return RADIAL_LAWS[law or "carnahan-starling"].maximum_packing
 
 
+def read_suspension_file(path: str | PathLike[str]) -> tuple[Suspension, str]:
+    """Read the suspension of a TOML file, and the name of the closure set that goes with it.
+
+    Parameters
+    ----------
+    path : path-like
+        The file, at most 1 MiB of UTF-8; it may be a whole case.
+
+    Returns
+    -------
+    suspension : Suspension
+        From the table ``[suspension]``.
+    closures : str
+        What the key ``closures`` says, ``"derived"`` without it.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, is not TOML, or one of the two is not allowed.
+    """
+    text, name = read_case_file(path)
+    found = _File(**case_table(text, Path(), name))
+    return found.suspension, found.closures
+
+
 class _File(InputModel):
     """A TOML file with a suspension; what else a case has is not looked at."""
 
     suspension: Suspension = Field(description="a table with the particles, the gas and the box")
     title: Any = None
     model: Any = None
-    closures: Any = None
+    closures: ClosureName = "derived"
     exponent: Any = None
     numbers: Any = None
     grid: Any = None
