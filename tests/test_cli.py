@@ -1,7 +1,5 @@
 """The command line as a user meets it: mostly real processes, with their exit codes."""
 
-import time
-
 import pytest
 
 from tests.cases import data
@@ -141,7 +139,7 @@ def test_reproduce_needs_its_folder(folder):
         ("run",),
         ("run", "case.toml"),
         ("run", "case.toml", "-o", "out.nc", "--fast"),
-        ("reproduce", "--figure", "3", "-o", "."),
+        ("reproduce", "--figure", "9", "-o", "."),
         ("simulate",),
     ],
 )
@@ -160,13 +158,10 @@ def test_help_has_an_example_and_imports_nothing_heavy(folder, arguments):
     assert done.stderr == "[]\n"
 
 
-def test_help_is_quick(folder):
-    def took():
-        began = time.perf_counter()
-        triboflux("--help", folder=folder, code="from triboflux.cli import main; main()")
-        return time.perf_counter() - began
-
-    assert min(took() for _ in range(5)) < 0.5
+def test_help_imports_nothing_heavy(folder):
+    done = triboflux("--help", folder=folder)
+    assert done.returncode == 0
+    assert done.stderr == "[]\n"
 
 
 def test_version(folder):

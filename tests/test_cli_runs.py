@@ -123,12 +123,21 @@ def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
     monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", "off")
     calls = []
 
-    def reproduce(number, folder, *, overwrite=False, on_progress=None):
-        calls.append((number, overwrite))
-        return [folder / f"figure{number}.png"]
+    class Reproduction:
+        def __init__(self, folder, numbers=None, *, overwrite=False):
+            self.folder, self.overwrite = folder, overwrite
+            self.numbers = (1, 2) if numbers is None else numbers
+
+        def write(self, number, on_progress=None):
+            calls.append((number, self.overwrite))
+            return [self.folder / f"figure{number}.png"]
+
+        def write_summary(self):
+            calls.append("summary")
+            return [self.folder / "summary.md"]
 
     module = ModuleType("triboflux.figures")
-    module.reproduce = reproduce
+    module.Reproduction = Reproduction
     monkeypatch.setitem(sys.modules, "triboflux.figures", module)
     monkeypatch.setattr("triboflux.figures", module, raising=False)
     for arguments in ([], ["--figure", "2", "--overwrite"]):
@@ -136,9 +145,9 @@ def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 0
-    assert calls == [(1, False), (2, False), (2, True)]
+    assert calls == [(1, False), (2, False), "summary", (2, True)]
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
-    assert names == ["figure1.png", "figure2.png", "figure2.png"]
+    assert names == ["figure1.png", "figure2.png", "summary.md", "figure2.png"]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")

@@ -1,6 +1,7 @@
 """What the documents show: their cases are valid and run, their tables are those of the scripts."""
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,7 @@ from triboflux.case import Case
 from triboflux.case_text import case_table
 from triboflux.solve import solve
 from triboflux.suspension import Suspension
+from triboflux.sweep import Sweep
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -25,9 +27,21 @@ def section(page: str, name: str) -> str:
     return text.partition(f"<!-- begin {name} -->\n")[2].partition(f"\n<!-- end {name} -->")[0]
 
 
-@pytest.mark.parametrize("text", blocks("README.md"))
+SWEPT, CASES = (
+    [text for text in blocks("README.md") if ("[sweep" in text) is swept] for swept in (True, False)
+)
+
+
+@pytest.mark.parametrize("text", CASES)
 def test_cases_of_the_readme_are_valid(text):
     assert Case.from_toml_text(text).grid.dimensions in (1, 2)
+
+
+def test_sweep_of_the_readme_is_that_of_the_example():
+    (text,) = SWEPT
+    example = (ROOT / "examples" / "sweep.toml").read_text(encoding="utf-8")
+    assert tomllib.loads(text)["sweep"] == tomllib.loads(example)["sweep"]
+    assert Sweep.from_toml_text(example).size == 42
 
 
 def test_suspensions_of_the_page_are_valid():
@@ -36,7 +50,11 @@ def test_suspensions_of_the_page_are_valid():
     assert set(case_table(changes, ROOT, "changes")["run"]) == {"t_end", "stop_at_peak_charge"}
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.toml")), ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "path",
+    sorted(path for path in (ROOT / "examples").glob("*.toml") if path.stem != "sweep"),
+    ids=lambda path: path.name,
+)
 def test_examples_run(path):
     result = solve(Case.from_toml(path))
     assert result.status == "ok"

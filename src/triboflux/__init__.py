@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from triboflux import closures, numbers, presets
     from triboflux.case import Case, ComponentMode, GridSpec, Initial, Mode, Run
+    from triboflux.compare import compare
+    from triboflux.comparison import Comparison
+    from triboflux.diagnostics import initial_closure
     from triboflux.errors import InputError, OutOfRangeError, TribofluxError
     from triboflux.grid import Grid
     from triboflux.integrate import integrate
@@ -21,11 +24,14 @@ if TYPE_CHECKING:
     from triboflux.result import Result, load
     from triboflux.solve import solve
     from triboflux.suspension import Suspension
+    from triboflux.sweep import Sweep, sweep
+    from triboflux.sweep_values import ValueRange
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Case",
+    "Comparison",
     "ComponentMode",
     "Grid",
     "GridSpec",
@@ -38,14 +44,19 @@ __all__ = [
     "Result",
     "Run",
     "Suspension",
+    "Sweep",
     "TribofluxError",
+    "ValueRange",
     "__version__",
     "closures",
+    "compare",
+    "initial_closure",
     "integrate",
     "load",
     "numbers",
     "presets",
     "solve",
+    "sweep",
 ]
 
 _MODULES = ("closures", "numbers", "presets")
@@ -53,6 +64,7 @@ _MODULES = ("closures", "numbers", "presets")
 
 _HOMES = {
     "Case": "case",
+    "Comparison": "comparison",
     "ComponentMode": "case",
     "Grid": "grid",
     "GridSpec": "case",
@@ -65,10 +77,15 @@ _HOMES = {
     "Result": "result",
     "Run": "case",
     "Suspension": "suspension",
+    "Sweep": "sweep",
     "TribofluxError": "errors",
+    "ValueRange": "sweep_values",
+    "compare": "compare",
+    "initial_closure": "diagnostics",
     "integrate": "integrate",
     "load": "result",
     "solve": "solve",
+    "sweep": "sweep",
 }
 """The module that each lazily imported name lives in."""
 
@@ -92,7 +109,7 @@ def __dir__() -> list[str]:
 class _Package(ModuleType):
     """The package itself, in which `solve` and `integrate` always mean the functions.
 
-    Importing a submodule binds it as an attribute of its package. For the two modules named
+    Importing a submodule binds it as an attribute of its package. For the modules named
     like their main function the function is bound instead, whatever was imported first.
     """
 

@@ -15,6 +15,7 @@ from triboflux.errors import InputError, TribofluxError, shown_path
 
 # everything else is imported inside the commands, so that help and refusals come at once
 if TYPE_CHECKING:
+    from triboflux.figures import Reproduction
     from triboflux.result import Result
 
 EXIT_REFUSED = 1
@@ -236,12 +237,16 @@ def reproduce(
         typer.Option("--output", "-o", metavar="DIR", help="Folder, made if absent."),
     ],
     figure: Annotated[
-        int | None, typer.Option(min=1, max=2, help="Number of the paper's figure; all if absent.")
+        int | None, typer.Option(min=1, max=8, help="Number of the paper's figure; all if absent.")
     ] = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Reproduce figures of the paper, with the results behind them."""
+    """Reproduce figures of the paper, with the results behind them.
+
+    Without --figure also summary.md and summary.html, which set what the paper says of each figure
+    beside what was measured.
+    """
     from triboflux.files import require_folder
     from triboflux.terminal import interruptible
 
@@ -250,13 +255,21 @@ def reproduce(
             require_folder(folder.parent)
             folder.mkdir()
         require_folder(folder)
-        for number in (1, 2) if figure is None else (figure,):
-            paths = _reproduce(number, folder, overwrite=overwrite, quiet=quiet)
+        from triboflux import figures  # imports Matplotlib
+
+        numbers = None if figure is None else [figure]
+        reproduction = figures.Reproduction(folder, numbers, overwrite=overwrite)
+        for number in reproduction.numbers:
+            paths = _reproduce(reproduction, number, quiet=quiet)
             for path in () if quiet else paths:
                 print(path)
+        if figure is None:
+            for path in reproduction.write_summary():
+                if not quiet:
+                    print(path)
 
 
-def _reproduce(number: int, folder: Path, *, overwrite: bool, quiet: bool) -> list[Path]:
+def _reproduce(reproduction: Reproduction, number: int, *, quiet: bool) -> list[Path]:
     """Write one figure in the background and return its files."""
     from triboflux.terminal import in_background, progress_bar, use_compilation_cache
 
@@ -264,9 +277,7 @@ def _reproduce(number: int, folder: Path, *, overwrite: bool, quiet: bool) -> li
 
         def work() -> list[Path]:
             use_compilation_cache()
-            from triboflux import figures
-
-            return figures.reproduce(number, folder, overwrite=overwrite, on_progress=on_progress)
+            return reproduction.write(number, on_progress)
 
         return in_background(work)
 
@@ -307,22 +318,10 @@ def compare(
     well. 1: refused, nothing written. 2: wrong usage. 3: all is written, but some model did not end
     well. 130: interrupted, nothing written.
     """
-    from triboflux import compare_output
-    from triboflux.terminal import interruptible
+    from triboflux.compare_output import Options, command
 
-    with interruptible("nothing was written"):
-        request = compare_output.request(
-            case_file, models, output, closures=closures, units=units, overwrite=overwrite
-        )
-        compare_output.require_format(form)
-        comparison = compare_output.run(request, quiet=quiet)
-        compare_output.write(comparison, form, sys.stdout)
-    if not quiet:
-        for warning in comparison.warnings:
-            print(f"warning: {warning}", file=sys.stderr)
-        for path in request.paths:
-            print(f"written: {shown_path(path)}", file=sys.stderr)
-    if any(row.status != "ok" for row in comparison.rows):
+    options = Options(models, output, closures, units, form, overwrite, quiet)
+    if not command(case_file, options):
         raise typer.Exit(EXIT_NOT_OK)
 
 
@@ -352,6 +351,38 @@ def closures(
     with interruptible("nothing was printed"), bar as on_progress:
         rows = audit.audit(restitution, exponent, samples=samples, on_progress=on_progress)
     tables.write(rows, form, sys.stdout, restitution=restitution, exponent=exponent)
+
+
+@app.command(epilog="Example: triboflux sweep sweep.toml -o sweep.zarr --workers 4")
+def sweep(
+    sweep_file: Annotated[
+        Path, typer.Argument(metavar="SWEEP.toml", help="A case with a table [sweep].")
+    ],
+    store: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="STORE", help="Zarr store to begin or go on with."),
+    ],
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
+    ] = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Run failed members again.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run many cases into one store; the same command goes on where it was interrupted.
+
+    Exit code 0: all members ended well. 1: refused, or stopped by a failure. 2: wrong usage. 3: the
+    store is complete, but some members are not ok. 130: interrupted.
+    """
+    from triboflux.sweep_output import command
+
+    if not command(
+        sweep_file, store, workers=workers, scheduler=scheduler, retry=retry, quiet=quiet
+    ):
+        raise typer.Exit(EXIT_NOT_OK)
 
 
 if __name__ == "__main__":

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from triboflux import models
+from triboflux import closures, models
 from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.grid import Grid
-from triboflux.models.model import Model
+from triboflux.models.model import ROUND_OFF, Model
 from triboflux.models.terms import evaluate, values_of
 from triboflux.moments import Moments
 
@@ -122,15 +122,100 @@ def broken_limit(model: Model, grid: Grid, carry: Carry) -> str:
     for limit in model.limits:
         values = getattr(values_of((limit,), calculus, carry.coefficients), limit.moment)
         values = np.asarray(values)
-        index = np.unravel_index(int(np.argmin(values)), values.shape)
+        scale = max(float(np.abs(values).max()), 1e-300)
+        # The first of equally low places, which must not depend on round-off.
+        lowest = int(np.argmax(values <= values.min() + ROUND_OFF * scale))
+        index = np.unravel_index(lowest, values.shape)
         place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), index, strict=True))
-        relative = float(values[index]) / max(float(np.abs(values).max()), 1e-300)
+        relative = float(values[index]) / scale
         sentence = (
             f"{limit.name} falls to {float(values[index]):.3g} at x = {place}, "
             f"t = {float(carry.time):.6g}"
         )
         worst.append((relative, sentence))
     return min(worst)[1]
+
+
+def initial_closure(case: Case) -> xr.Dataset:
+    """Return the moments that the algebraic model makes of the initial charge; Fig. 6 of the paper.
+
+    Nothing is integrated, and a variance that is negative or singular is returned as it comes out
+    of (7.8) and (7.9).
+
+    Parameters
+    ----------
+    case : Case
+        Of the model ``"algebraic"``.
+
+    Returns
+    -------
+    xarray.Dataset
+        The variables of a result, ``charge``, ``covariance``, ``variance``, ``field`` and others,
+        labelled and scaled as there but without a time. The attribute ``nonphysical`` says which
+        limit the closure breaks and where; it is empty if none.
+
+    Raises
+    ------
+    InputError
+        If the case asks for another model, or its initial state is not allowed.
+    OutOfRangeError
+        If the numbers are outside the range of validity of the closures.
+    """
+    from triboflux.initial_state import initial_fields
+    from triboflux.integrate import begin
+    from triboflux.result import build_dataset
+
+    if case.model != "algebraic":
+        raise InputError.about(
+            "model", f"is '{case.model}', but must be 'algebraic', which alone closes the variance"
+        )
+    closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
+    model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
+    models.validity(
+        model.coefficients, closure_set, case.run.allow_out_of_range, model_name=case.model
+    )
+    model = jax.tree.map(jnp.asarray, model)
+    grid = Grid(case.grid.points, case.grid.lengths)
+    carry = begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
+    fields, margin = _closed(model, grid, carry.coefficients)
+    rows = {name: np.asarray(values)[None] for name, values in fields.items()}
+    dataset = build_dataset(
+        case,
+        [0.0],
+        charge=rows["charge"],
+        covariance=rows["covariance"],
+        field=rows["field"],
+        potential=rows["potential"],
+        peak_charge=rows["peak_charge"],
+        variance=rows["variance"],
+        status="",
+        stop_reason="",
+        stats={},
+        attributes={
+            "trace_dimensions": closure_set.trace_dimensions(grid.dimensions),
+            "nonphysical": broken_limit(model, grid, carry) if float(margin) <= 0.0 else "",
+        },
+    ).isel(time=0, drop=True)
+    # It is not the outcome of a run.
+    kept = ("title", "units", "case_toml", "versions_json", "trace_dimensions", "nonphysical")
+    dataset.attrs = {name: dataset.attrs[name] for name in kept}
+    return dataset
+
+
+@eqx.filter_jit
+def _closed(model: Model, grid: Grid, coefficients: Moments) -> tuple[dict[str, Array], Array]:
+    """Return the fields of a result, and the margin of the model's limits."""
+    calculus = FourierCalculus(grid)
+    values = model.fields(calculus, coefficients)
+    fields = {
+        "charge": values.charge,
+        "covariance": values.covariance,
+        "variance": values.variance,
+        "field": grid.to_fields(calculus.electric_field(coefficients.charge)),
+        "potential": grid.to_fields(calculus.potential(coefficients.charge)),
+        "peak_charge": grid.peak(coefficients.charge),
+    }
+    return fields, model.margin(calculus, coefficients)
 
 
 def unused_initial_warnings(case: Case, model: Model) -> list[str]:
@@ -152,7 +237,11 @@ def unused_initial_warnings(case: Case, model: Model) -> list[str]:
 
 
 def realizability_warnings(
-    grid: Grid, times: np.ndarray, fields: Mapping[str, np.ndarray]
+    grid: Grid,
+    times: np.ndarray,
+    fields: Mapping[str, np.ndarray],
+    *,
+    closed_covariance: bool = False,
 ) -> list[str]:
     """Say where and when |C|² > V or V < 0, which no joint distribution of charges allows.
 
@@ -164,6 +253,8 @@ def realizability_warnings(
         Output times.
     fields : Mapping
         With ``covariance[time, component, x…]`` and, if the model has one, ``variance[time, x…]``.
+    closed_covariance : bool
+        Whether the covariance is an algebraic expression.
     """
     if "variance" not in fields:
         return []
@@ -177,10 +268,15 @@ def realizability_warnings(
     worst = np.unravel_index(int(np.argmin(margin)), margin.shape)
     place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), worst[1:], strict=True))
     share = float(broken[-1].mean())
+    reason = (
+        "The algebraic covariance does not know this bound."
+        if closed_covariance
+        else "Theta is held fixed while the field feeds C."
+    )
     return [
         f"not realizable: |C|² > V from t = {times[first]:.4g} on (first output that shows it), "
         f"by up to {-margin[worst]:.3g} at t = {times[worst[0]]:.4g}, x = {place}; "
-        f"{share:.0%} of the box at the end. Theta is held fixed while the field feeds C."
+        f"{share:.0%} of the box at the end. {reason}"
     ]
 
 

@@ -93,6 +93,10 @@ def written_at_once(
         If writing fails; no file is left then.
     """
     target = Path(path)
+    if target in _partial:
+        # already a temporary file, whose final name the caller tells in errors
+        yield target
+        return
     require_writable(target, overwrite=overwrite)
     # in the same folder, because only within a file system is a renaming atomic
     partial = target.with_name(f".{uuid.uuid4().hex}{target.suffix[:20]}")
@@ -102,7 +106,7 @@ def written_at_once(
         require_writable(target, overwrite=overwrite)
         os.replace(partial, target)
     except (OSError, RuntimeError) as error:
-        reason = shown(str(error), 200)[1:-1]
+        reason = shown(str(error).replace(str(partial), str(target)), 200)[1:-1]
         raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
     finally:
         partial.unlink(missing_ok=True)

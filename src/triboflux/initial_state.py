@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from triboflux.case import Case, GridSpec, Mode
 
 _ROUND_OFF = 1e-12
+_STARTS_FROM = {
+    "full": ("charge", "covariance", "variance"),
+    "semi-algebraic": ("charge", "variance"),
+}
+"""The moments that a model has an equation for; of the others, the charge alone."""
+
 _NET_CHARGE_OF_A_FILE = 1e-10
 
 
@@ -163,13 +169,21 @@ def _fields_of_file(
                 f"{name}, whose grid has {what} {list(theirs)}, but grid.{what} is {list(ours)}",
             )
     last = start.to_scaled().dataset.isel(time=-1)
-    charge, covariance, variance = (
-        np.asarray(last[field].values, dtype=np.float64) * factors[field]
-        for field in ("charge", "covariance", "variance")
-    )
-    for field, values in (("charge", charge), ("covariance", covariance), ("variance", variance)):
-        if not np.isfinite(values).all():
+    points = case.grid.points
+    fields = {"charge": np.zeros(points), "variance": np.zeros(points)}
+    fields["covariance"] = np.zeros((case.grid.dimensions, *points))
+    # What the model closes or neglects need not be there, and need not make sense.
+    for field in _STARTS_FROM.get(case.model, ("charge",)):
+        if field not in last:
+            raise InputError.about(
+                "initial.file",
+                f"{name}, a result of the {start.case.model} model, which knows no {field}, "
+                f"but the {case.model} model starts from one",
+            )
+        fields[field] = np.asarray(last[field].values, dtype=np.float64) * factors[field]
+        if not np.isfinite(fields[field]).all():
             raise InputError.about("initial.file", f"{name}, whose last {field} is not finite")
+    charge = fields["charge"]
     net, peak = abs(float(charge.mean())), float(np.abs(charge).max())
     if net > _NET_CHARGE_OF_A_FILE * peak and not case.initial.neutralising_background:
         raise InputError.about(
@@ -177,7 +191,7 @@ def _fields_of_file(
             f"{name}, whose last charge has a net of {float(charge.mean()):.6g}, but must be "
             "neutral unless initial.neutralising_background is true",
         )
-    return charge, covariance, variance
+    return charge, fields["covariance"], fields["variance"]
 
 
 def _scale_ratios(before: Case, now: Case) -> dict[str, float]:

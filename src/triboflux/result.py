@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import platform
@@ -74,14 +75,17 @@ def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that decide a result."""
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            # run from its source folder
-            found[package] = triboflux.__version__ if package == "triboflux" else "unknown"
-    return found
+    return {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+
+
+# reading it from disk takes a millisecond, and a sweep asks again for each of its members
+@functools.cache
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        # run from its source folder
+        return triboflux.__version__ if package == "triboflux" else "unknown"
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,9 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
     times, fields = np.array(record.times), record.stacked()
     if status == "ok":
         warnings += diagnostics.resolution_warnings(grid, carry.coefficients)
-    warnings += diagnostics.realizability_warnings(grid, times, fields)
+    warnings += diagnostics.realizability_warnings(
+        grid, times, fields, closed_covariance="covariance" not in model.evolves
+    )
     stats = {
         "accepted": record.accepted,
         "rejected": record.rejected,

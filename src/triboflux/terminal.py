@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from triboflux.files import discard_partial_files
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from triboflux.solve import Progress
+    from triboflux.sweep import SweepProgress
 
 EXIT_INTERRUPTED = 130
 _PATIENCE = 1.0
@@ -95,13 +96,13 @@ class ProgressBar:
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
 
-    def __call__(self, progress: Progress) -> None:
-        """Show how far a run is.
+    def __call__(self, progress: Progress | SweepProgress) -> None:
+        """Show how far a run or a sweep is.
 
         Parameters
         ----------
-        progress : triboflux.solve.Progress
-            What `solve` reports.
+        progress : triboflux.solve.Progress or triboflux.sweep.SweepProgress
+            What `solve` or `sweep` reports.
         """
         if self._bar is None and time.monotonic() - self._since < _PATIENCE:
             return
@@ -113,13 +114,25 @@ class ProgressBar:
         self._bar.update(
             self._task,
             completed=progress.fraction,
-            peak=f"t {progress.time:.4g}  peak charge {progress.peak_charge:.4f}",
+            peak=self._text(progress),
         )
+
+    def _text(self, progress: Any) -> str:
+        """Return what stands beside the bar."""
+        return f"t {progress.time:.4g}  peak charge {progress.peak_charge:.4f}"
 
     def close(self) -> None:
         """Remove the bar from the terminal."""
         if self._bar is not None:
             self._bar.stop()
+
+
+class MembersBar(ProgressBar):
+    """The same for a sweep: how many members are done, and how many of them not well."""
+
+    def _text(self, progress: Any) -> str:
+        not_ok = f", {progress.not_ok} not ok" if progress.not_ok else ""
+        return f"{progress.done} of {progress.total}{not_ok}"
 
 
 def _rich_bar() -> RichProgress:
@@ -138,23 +151,27 @@ def _rich_bar() -> RichProgress:
 
 
 @contextmanager
-def progress_bar(*, quiet: bool) -> Generator[Callable[[Progress], None] | None, None, None]:
+def progress_bar(
+    *, quiet: bool, kind: type[ProgressBar] = ProgressBar
+) -> Generator[Callable[[Any], None] | None, None, None]:
     """Give a callback that draws progress, or None where there is nobody to see it.
 
     Parameters
     ----------
     quiet : bool
         Draw nothing.
+    kind : type of ProgressBar
+        Which bar.
 
     Yields
     ------
     callable or None
-        For ``solve(..., on_progress=...)``.
+        For ``solve(..., on_progress=...)`` or ``sweep(..., on_progress=...)``.
     """
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    bar = ProgressBar(since=time.monotonic())
+    bar = kind(since=time.monotonic())
     try:
         yield bar
     finally:

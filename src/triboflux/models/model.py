@@ -93,13 +93,15 @@ class Model(eqx.Module):
         """Return the pointwise terms in the order in which a stage of the integrator takes them.
 
         Where collisions are frequent, the covariance is slaved to the charge and the variance, so
-        the products that read it come last, after it has been brought up to date.
+        the products that read it come last, after it has been brought up to date. In a model
+        without it the same holds for the variance, which is slaved where it decays fast.
         """
+        slaved = "covariance" if "covariance" in self.evolves else "variance"
         first: list[Term] = []
         last: list[Term] = []
         for term in self.terms:
             if isinstance(term.source, Product):
-                (last if "covariance" in term.source.reads else first).append(term)
+                (last if slaved in term.source.reads else first).append(term)
         return tuple(tuple(group) for group in (first, last) if group)
 
     def right_hand_side(self, discretisation: Discretisation, state: Moments) -> Moments:
