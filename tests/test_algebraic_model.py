@@ -16,6 +16,7 @@ from tests.fields import CASE_A, CASE_B, EVERYTHING
 from triboflux import cli, exact, models
 from triboflux.case import Case
 from triboflux.errors import InputError, OutOfRangeError
+from triboflux.integrate import Settings
 from triboflux.models import Product, Term
 from triboflux.models import terms as t
 from triboflux.models.reduced import gradient
@@ -279,3 +280,18 @@ def test_a_variance_that_makes_sense_goes_on_to(seed):
     assert result.status == "ok"
     later = [lowest(charge, u) for charge in result.dataset["charge"].values]
     assert later[0] < 0.03 < later[1] < later[2]
+
+
+def test_integrate_stops_at_once_where_the_closure_makes_no_sense():
+    numbers, closures = PAPER_CASES["A published"]
+    model = models.build("algebraic", Numbers(**numbers), closures)
+    grid = triboflux.Grid((32,), (1.0,))
+    zero = jnp.zeros(32)
+    start = triboflux.Moments(-jnp.sin(2.0 * jnp.pi * grid.coordinates()[0]), zero[None], zero)
+    outcome = triboflux.integrate(
+        model, start, grid, Settings(t_end=400.0, outputs=jnp.array([0.0, 400.0]))
+    )
+    assert bool(outcome.stopped["nonphysical"])
+    assert bool(outcome.finished)
+    assert (float(outcome.carry.time), int(outcome.accepted)) == (0.0, 0)
+    assert float(jnp.max(outcome.times)) == 0.0

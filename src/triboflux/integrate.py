@@ -182,6 +182,15 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
         Output times before the carry's time are not allowed.
     """
     term, solver = semilinear_term(model, grid), ExponentialRungeKutta5()
+    broken = _broken(model, grid, carry.coefficients)
+    if broken is not None:
+        # A rule is found where it changes its sign, which one that is broken already never does.
+        times = ("t_end",) if settings.outputs is None else ("t_end", "outputs")
+        settings = eqx.tree_at(
+            lambda s: [getattr(s, name) for name in times],
+            settings,
+            replace_fn=lambda wanted: jnp.where(broken, carry.time, wanted),
+        )
     controller = LadderController(settings.rtol, settings.atol)
     estimate, _ = controller.init(
         term,
@@ -221,7 +230,9 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
     states: Any = solution.ys
     final = jax.tree.map(lambda y: y[0], states["end"])
     exhausted = solution.result == diffrax.RESULTS.max_steps_reached
-    stopped: Any = solution.event_mask if rules else {}
+    stopped: Any = dict(solution.event_mask) if rules else {}
+    if broken is not None:
+        stopped["nonphysical"] = stopped["nonphysical"] | broken
     next_step: Any = solution.controller_state
     return Outcome(
         Carry(times["end"][0], final, solution.solver_state, next_step),
@@ -265,6 +276,13 @@ def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
     if settings.outputs is not None:
         saved["outputs"] = diffrax.SubSaveAt(ts=settings.outputs)
     return saved
+
+
+def _broken(model: Model, grid: Grid, coefficients: Moments) -> Bool[Array, ""] | None:
+    """Return whether an algebraic closure makes no sense at the start, None if there is none."""
+    if not model.limits:
+        return None
+    return model.margin(FourierCalculus(grid), coefficients) <= 0.0
 
 
 def _stop_rules(
