@@ -230,9 +230,9 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
     states: Any = solution.ys
     final = jax.tree.map(lambda y: y[0], states["end"])
     exhausted = solution.result == diffrax.RESULTS.max_steps_reached
-    stopped: Any = dict(solution.event_mask) if rules else {}
+    stopped: Any = solution.event_mask if rules else {}
     if broken is not None:
-        stopped["nonphysical"] = stopped["nonphysical"] | broken
+        stopped = stopped | {"nonphysical": stopped["nonphysical"] | broken}
     next_step: Any = solution.controller_state
     return Outcome(
         Carry(times["end"][0], final, solution.solver_state, next_step),

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from triboflux.models import terms as t
-from triboflux.models.coefficients import TransportCoefficients
+from triboflux.models.coefficients import Scalar, TransportCoefficients
 from triboflux.models.full import charge_terms, covariance_terms, variance_terms
 from triboflux.models.model import Model
 
@@ -21,7 +21,7 @@ PRODUCTION, FORCE = "production", "electric force"
 """Groups of the covariance's terms that its algebraic value keeps."""
 
 
-def _numerator(gradient: Array, field: Array, *parameters: Array) -> Array:
+def _numerator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return B |E|² - 2 C0·∇Q on the points, with C0 = (-P ∇Q + S E)/R."""
     by_gradient, by_field, _, production, _ = parameters
     return (
@@ -31,18 +31,18 @@ def _numerator(gradient: Array, field: Array, *parameters: Array) -> Array:
     )
 
 
-def _denominator(gradient: Array, field: Array, *parameters: Array) -> Array:
+def _denominator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return F + 2 (u/R) E·∇Q on the points."""
     _, _, by_force, _, destruction = parameters
     return destruction + 2.0 * by_force * jnp.sum(field * gradient, axis=0)
 
 
-def _variance(gradient: Array, field: Array, *parameters: Array) -> Array:
+def _variance(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return V of (7.8)-(7.9) on the points."""
     return _numerator(gradient, field, *parameters) / _denominator(gradient, field, *parameters)
 
 
-def _force(gradient: Array, field: Array, *parameters: Array) -> Array:
+def _force(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return V E on the points, with V of (7.8)-(7.9)."""
     return _variance(gradient, field, *parameters)[None] * field
 
