@@ -154,10 +154,10 @@ def wait_for(process, store, least):
 
 @pytest.mark.slow
 def test_killed_twice_at_random_moments(tmp_path):
-    # many steps, for the sweep to last a few seconds
+    # many members of many steps, for the sweep to last several seconds on a fast machine too
     given = tables()
     given["case"]["run"]["rtol"] = 1e-12
-    given["parameters"]["numbers.peclet"] = [1e3, *np.geomspace(1e5, 1e8, 23)]
+    given["parameters"]["numbers.peclet"] = [1e3, *np.geomspace(1e5, 1e8, 149)]
     members = Sweep(**given)
     (tmp_path / "sweep.toml").write_text(members.to_toml())
     whole = sweep(members, tmp_path / "whole.zarr", workers=2)
@@ -167,8 +167,8 @@ def test_killed_twice_at_random_moments(tmp_path):
     moments = random.Random(seed)
     for _ in range(2):
         process = started(tmp_path, "killed.zarr")
-        children = wait_for(process, killed, kept + 1)
-        time.sleep(moments.uniform(0.0, 0.7))
+        children = wait_for(process, killed, kept + moments.randint(1, members.size // 10))
+        time.sleep(moments.uniform(0.0, 0.5))
         process.kill()
         process.communicate()
         assert process.returncode == -signal.SIGKILL
