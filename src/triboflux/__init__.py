@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from triboflux.numbers import Numbers
     from triboflux.result import Result, load
     from triboflux.solve import solve
+    from triboflux.suitability import suitability
     from triboflux.suspension import Suspension
     from triboflux.sweep import Sweep, sweep
     from triboflux.sweep_values import ValueRange
@@ -56,6 +57,7 @@ __all__ = [
     "numbers",
     "presets",
     "solve",
+    "suitability",
     "sweep",
 ]
 
@@ -85,6 +87,7 @@ _HOMES = {
     "integrate": "integrate",
     "load": "result",
     "solve": "solve",
+    "suitability": "suitability",
     "sweep": "sweep",
 }
 """The module that each lazily imported name lives in."""

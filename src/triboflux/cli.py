@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from triboflux import __version__
+from triboflux import __version__, cli_many
+from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet
 from triboflux.errors import InputError, TribofluxError, shown_path
 
 # everything else is imported inside the commands, so that help and refusals come at once
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 EXIT_REFUSED = 1
 """Bad input or failure; one line on stderr says why."""
-EXIT_NOT_OK = 3
-"""The run ended and was written, but its status is not ok."""
 
 app = typer.Typer(
     name="triboflux",
@@ -32,9 +31,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 
 
 def main() -> None:
@@ -353,36 +349,7 @@ def closures(
     tables.write(rows, form, sys.stdout, restitution=restitution, exponent=exponent)
 
 
-@app.command(epilog="Example: triboflux sweep sweep.toml -o sweep.zarr --workers 4")
-def sweep(
-    sweep_file: Annotated[
-        Path, typer.Argument(metavar="SWEEP.toml", help="A case with a table [sweep].")
-    ],
-    store: Annotated[
-        Path,
-        typer.Option("--output", "-o", metavar="STORE", help="Zarr store to begin or go on with."),
-    ],
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
-    ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Run failed members again.")] = False,
-    quiet: Quiet = False,
-) -> None:
-    """Run many cases into one store; the same command goes on where it was interrupted.
-
-    Exit code 0: all members ended well. 1: refused, or stopped by a failure. 2: wrong usage. 3: the
-    store is complete, but some members are not ok. 130: interrupted.
-    """
-    from triboflux.sweep_output import command
-
-    if not command(
-        sweep_file, store, workers=workers, scheduler=scheduler, retry=retry, quiet=quiet
-    ):
-        raise typer.Exit(EXIT_NOT_OK)
+app.add_typer(cli_many.commands)
 
 
 if __name__ == "__main__":

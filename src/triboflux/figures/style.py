@@ -29,6 +29,9 @@ DOTS_PER_INCH = 200
 WIDTH = 180.0
 """Width of a figure that spans a journal's page, in millimetres."""
 
+COLUMN = 90.0
+"""Width of a figure that fits one of two columns, in millimetres."""
+
 # Okabe & Ito's colours, which the colour-blind tell apart.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "0.6"
@@ -65,22 +68,22 @@ _SETTINGS: dict[Any, Any] = {
 
 
 @contextmanager
-def page(height: float) -> Generator[Figure, None, None]:
+def page(height: float, width: float = WIDTH) -> Generator[Figure, None, None]:
     """Give an empty figure, and the settings under which it is to be drawn.
 
     Parameters
     ----------
-    height : float
-        In millimetres.
+    height, width : float
+        In millimetres; as wide as a page by default.
 
     Yields
     ------
     matplotlib.figure.Figure
-        As wide as a page, not known to pyplot.
+        Not known to pyplot.
     """
     with mpl.rc_context(_SETTINGS):
         figure = Figure(
-            figsize=(WIDTH / 25.4, height / 25.4), dpi=DOTS_PER_INCH, layout="constrained"
+            figsize=(width / 25.4, height / 25.4), dpi=DOTS_PER_INCH, layout="constrained"
         )
         FigureCanvasAgg(figure)
         yield figure

@@ -1,0 +1,13 @@
+"""Exit codes and options that commands of several modules share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+EXIT_NOT_OK = 3
+"""The run ended and was written, but its status is not ok."""
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]

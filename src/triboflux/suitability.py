@@ -1,0 +1,378 @@
+"""Where a reduced model is good enough: its error against the full one over two numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from triboflux import closures
+from triboflux.case import MODEL_NAMES, Case
+from triboflux.case_text import case_table
+from triboflux.comparison import relative_errors
+from triboflux.errors import InputError, nearest, shown, shown_path
+from triboflux.files import require_folder, written_at_once
+from triboflux.initial_state import initial_fields
+from triboflux.rates import scaled_rates
+from triboflux.sweep import Sweep, SweepProgress, sweep
+from triboflux.sweep_layout import coordinate_names
+from triboflux.sweep_values import ValueRange, plain
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+REDUCED = tuple(name for name in MODEL_NAMES if name != "full")
+"""Models that can be judged."""
+
+MEASURE = (
+    "L2 norm of Q_reduced - Q_full over L2 norm of Q_full, at the time when the largest absolute "
+    "charge of the full model has fallen to half of its initial value"
+)
+"""What the error is; the paper's Fig. 9 prints no criterion."""
+
+RANGES = {"numbers.peclet": (1e2, 1e8), "numbers.tau_c": (1e-5, 1.0)}
+"""The plane of the paper's Fig. 9, and its ends here."""
+
+OUTSIDE = "F <= 0"
+"""Status of a point whose charge variance would grow by itself."""
+NOT_HALVED = "not halved"
+"""Status of a point where the full model's charge did not fall to half by the end of its run."""
+
+_SWEPT = ("numbers.", "suspension.", "exponent")
+_HALF = 0.5
+
+
+def chart_case(closure_name: str = "derived") -> Case:
+    """Return the case behind the chart: the paper's, with 64 points and time enough to halve.
+
+    Parameters
+    ----------
+    closure_name : str
+        ``"derived"`` or ``"published"``.
+
+    Raises
+    ------
+    InputError
+        If the closure set is unknown.
+    """
+    file = resources.files("triboflux") / "cases" / "fig1.toml"
+    case = Case.from_toml_text(file.read_text(encoding="utf-8"))
+    tables: dict[str, Any] = case.model_dump()
+    # the slowest charge of the chart's plane halves at about 1e3
+    tables["run"] |= {"t_end": 1e5, "outputs": 1, "stop_at_peak_charge": None}
+    tables["grid"] = {"points": (64,)}
+    tables |= {"title": "Chart of a reduced model", "closures": closure_name}
+    return Case(**tables)
+
+
+def chart_axes(points: int) -> tuple[tuple[str, list[float]], ...]:
+    """Return the plane of the chart: Péclet numbers and collision times, equal ratios apart.
+
+    Parameters
+    ----------
+    points : int
+        Number of values along each axis, at least 2.
+
+    Raises
+    ------
+    InputError
+        If the number is not allowed.
+    """
+    if points < 2:
+        raise InputError.about("points", f"is {points!r}, but must be at least 2")
+    return tuple(
+        (key, ValueRange(first=first, last=last, count=points, spacing="logarithmic").values())
+        for key, (first, last) in RANGES.items()
+    )
+
+
+@dataclass
+class _Point:
+    """What is known of one point of the map."""
+
+    status: str
+    reason: str
+    stop_time: float = np.nan
+    error: float = np.nan
+
+    @classmethod
+    def of(cls, run: xr.Dataset, place: int) -> _Point:
+        """Return what became of a member of a sweep."""
+        member = run.isel(member=place)
+        time = float(member["stop_time"])
+        return cls(str(member["status"].values), str(member["stop_reason"].values), time)
+
+
+def suitability(
+    case: Case,
+    reduced: str = "semi-algebraic",
+    axes: Sequence[tuple[str, Sequence[float]]] | None = None,
+    *,
+    store_folder: str | PathLike[str],
+    workers: int | None = None,
+    on_progress: Callable[[SweepProgress], None] | None = None,
+) -> xr.Dataset:
+    """Return the error of a reduced model against the full one over two numbers of a case.
+
+    The error of a point is the L2 norm of the difference of the mean charges over that of the full
+    model's, both at the time t* at which the full model's largest absolute charge has fallen to
+    half of its initial value. So it is 0 for a perfect model and of order 1 for a useless one; it
+    judges pace and shape together. The paper's Fig. 9 shows a boundary without saying of what.
+
+    A reduced model is judged only where the full one is valid. There is no error where the closures
+    are refused, where F <= 0 (the charge variance would grow by itself; with both closure sets),
+    or where the full model does not get to t*.
+
+    Parameters
+    ----------
+    case : Case
+        Everything else; its model, stop rules and outputs have no effect.
+    reduced : str
+        The model to judge.
+    axes : pair of (str, sequence of float), optional
+        Two dotted keys in ``numbers`` or ``suspension``, or ``exponent``, each with at least two
+        increasing positive values; `chart_axes` of 32 points by default.
+    store_folder : path-like
+        Existing folder for the stores of two sweeps. The same call goes on where it was
+        interrupted, and other models over the same points find the full model's runs there.
+    workers : int, optional
+        Number of local processes; one per usable core by default.
+    on_progress : Callable, optional
+        Called with a `SweepProgress` of both sweeps together.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over the two numbers: ``error`` (NaN where there is none), ``stop_time`` (t*), ``status``
+        and ``reason``. Status is ``"ok"``; ``"F <= 0"``; ``"refused"``, ``"diverged"`` or
+        ``"failed"`` of the full model; ``"not halved"`` by the end of the run; or ``"reduced "``
+        and the status of the reduced model. Attributes hold case, model, measure and versions.
+
+    Raises
+    ------
+    InputError
+        If the model, an axis or the folder is not allowed, or the case has no initial charge.
+    TribofluxError
+        If workers fail; see `triboflux.sweep`.
+    """
+    require_reduced(reduced)
+    folder = Path(store_folder)
+    require_folder(folder)
+    grid = Sweep(case=_tables(case), parameters=_parameters(axes or chart_axes(32)))
+    stop = _HALF * _initial_peak(case)
+    points = [_outside(grid.table(index)) for index in range(grid.size)]
+    inside = [index for index, point in enumerate(points) if point.status == "ok"]
+    report = _progress_of_two(on_progress, len(inside))
+
+    run = {"model": "full", "run": {"stop_at_peak_charge": stop}}
+    full = _run(grid, inside, run, {}, folder / "full", workers, report)
+    reached: dict[int, int] = {}
+    for place, index in enumerate(inside):
+        points[index] = point = _Point.of(full, place)
+        if point.status == "ok" and point.stop_time < case.run.t_end:
+            reached[index] = place
+        elif point.status == "ok":
+            problem = f"the largest charge has not halved by t = {case.run.t_end:g}"
+            points[index] = _Point(NOT_HALVED, problem)
+    report = _progress_of_two(on_progress, len(reached), len(inside))
+    times = {"run.t_end": [points[index].stop_time for index in reached]}
+    run = {"model": reduced}
+    other = _run(grid, list(reached), run, times, folder / reduced, workers, report)
+    for place, (index, of_full) in enumerate(reached.items()):
+        point = _Point.of(other, place)
+        if point.status != "ok":
+            points[index].status, points[index].reason = f"reduced {point.status}", point.reason
+            continue
+        charges = other["charge"].values[place], full["charge"].values[of_full]
+        error = relative_errors(*charges).rms
+        # a charge that has halved does not vanish
+        points[index].error = np.nan if error is None else error
+    return _dataset(grid, points, case, reduced)
+
+
+def require_reduced(name: str) -> None:
+    """Refuse what is no reduced model; raises InputError."""
+    if name not in REDUCED:
+        problem = f"is {shown(name)}, but must be one of {', '.join(REDUCED)}"
+        raise InputError.about("reduced", problem, hint=nearest(name, REDUCED))
+
+
+def _tables(case: Case) -> dict[str, Any]:
+    """Return the tables of a case without what each of the two sweeps decides."""
+    tables = case_table(case.to_toml(), Path(), "the case")
+    kept = ("rtol", "atol", "allow_out_of_range", "t_end")
+    tables["run"] = {"outputs": 1} | {key: tables["run"][key] for key in kept}
+    return tables
+
+
+def _parameters(axes: Sequence[tuple[str, Sequence[float]]]) -> dict[str, list[float]]:
+    """Return the axes as parameters of a sweep, or refuse them."""
+    if len(axes) != 2 or len({key for key, _ in axes}) < len(axes):
+        raise InputError.about("axes", "must be two different keys with their values")
+    parameters: dict[str, list[float]] = {}
+    for key, given in axes:
+        if not key.startswith(_SWEPT):
+            problem = f"is {shown(key)}, but must be a number of {', '.join(_SWEPT)}"
+            raise InputError.about("axes", problem)
+        values: list[Any] = plain(given)
+        numbers = all(isinstance(v, int | float) and 0.0 < v < np.inf for v in values)
+        increasing = numbers and all(b > a for a, b in itertools.pairwise(values))
+        if len(values) < 2 or not increasing:
+            problem = "must have at least two values, positive, finite and increasing"
+            raise InputError.about(f"axes.{shown(key)}", problem)
+        parameters[key] = values
+    return parameters
+
+
+def _initial_peak(case: Case) -> float:
+    """Return the largest absolute charge on the points at time 0."""
+    peak = float(np.abs(initial_fields(case)[0]).max())
+    if not peak > 0.0:
+        raise InputError.about("initial.charge", "is zero, but must be something that can halve")
+    return peak
+
+
+def _outside(table: dict[str, Any]) -> _Point:
+    """Return why a point is outside the closures' range, as far as that is known at once."""
+    try:
+        case = Case(**table)
+    except InputError as error:
+        return _Point("refused", str(error))
+    closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
+    rates = scaled_rates(closure_set, case.numbers)
+    destruction = float(rates.variance_destruction)
+    # without exchange of charge F vanishes, and so does what would regain variance
+    if destruction < 0.0 or (destruction == 0.0 and float(rates.transferred_fraction) > 0.0):
+        growth = f"F = {destruction:.4g}, so the charge variance would grow by itself"
+        return _Point(OUTSIDE, growth)
+    return _Point("ok", "")
+
+
+def _run(
+    grid: Sweep,
+    indices: Sequence[int],
+    changes: dict[str, Any],
+    lists: dict[str, list[float]],
+    store: Path,
+    workers: int | None,
+    report: Callable[[SweepProgress], None] | None,
+) -> xr.Dataset:
+    """Run some points of a grid with a model and return them over ``member``, in memory."""
+    import xarray as xr
+
+    if not indices:
+        return xr.Dataset()
+    case = grid.case | changes | {"run": grid.case["run"] | changes.get("run", {})}
+    values = [grid.values(index) for index in indices]
+    chosen = {key: [entry[key] for entry in values] for key in grid.parameters}
+    members = Sweep(case=case, parameters=chosen | lists, mode="list")
+    # a store takes one sweep only, so each gets its own
+    digest = hashlib.sha256(members.to_toml().encode()).hexdigest()[:12]
+    place = store.with_name(f"{store.name}-{digest}.zarr")
+    with sweep(members, place, workers=workers, on_progress=report) as opened:
+        return opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+
+
+def _progress_of_two(
+    on_progress: Callable[[SweepProgress], None] | None, members: int, before: int = 0
+) -> Callable[[SweepProgress], None] | None:
+    """Return a callback for one of two sweeps that reports both; the second may be smaller."""
+    if on_progress is None:
+        return None
+    total = before + members if before else 2 * members
+
+    def report(progress: SweepProgress) -> None:
+        on_progress(SweepProgress(before + progress.done, total, progress.not_ok))
+
+    return report
+
+
+def _dataset(grid: Sweep, points: Sequence[_Point], case: Case, reduced: str) -> xr.Dataset:
+    """Label the map."""
+    import xarray as xr
+
+    from triboflux.result import versions  # imports xarray
+
+    names = coordinate_names(tuple(grid.parameters))
+    dimensions = tuple(names.values())
+    long_names = {
+        "error": MEASURE,
+        "stop_time": "t*, when the full model's largest charge has halved",
+        "status": "ok, or why there is no error",
+        "reason": "the same in a sentence",
+    }
+    variables: dict[str, Any] = {}
+    for name, long_name in long_names.items():
+        text = name in ("status", "reason")
+        values = np.array([getattr(p, name) for p in points], dtype=object if text else float)
+        labels = {"long_name": long_name} | ({} if text else {"units": "1"})
+        variables[name] = (dimensions, values.reshape(grid.shape), labels)
+    variables["stop_time"][2]["scale"] = "L / sqrt(Theta)"
+    coordinates = {
+        names[key]: (names[key], np.array(values, dtype=float), {"parameter": key})
+        for key, values in grid.parameters.items()
+    }
+    attributes = {
+        "reduced": reduced,
+        "closures": case.closures,
+        "measure": MEASURE,
+        "case": case.to_toml(),
+        "versions": json.dumps(versions()),
+    }
+    return xr.Dataset(variables, coordinates, attributes)
+
+
+def save(dataset: xr.Dataset, path: str | PathLike[str], overwrite: bool = False) -> None:
+    """Write a map as NetCDF, all of it or nothing.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `suitability`.
+    path : path-like
+        The file to write; its folder must exist.
+    overwrite : bool
+        Replace an existing file.
+
+    Raises
+    ------
+    InputError
+        If the folder is missing or the file exists.
+    TribofluxError
+        If writing fails; no file is left then.
+    """
+    with written_at_once(path, overwrite=overwrite) as partial:
+        dataset.to_netcdf(partial, engine="netcdf4")  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+
+
+def load(path: str | PathLike[str]) -> xr.Dataset:
+    """Read a map that `save` has written.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read or holds something else.
+    """
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as opened:  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+            found = opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+    except (OSError, ValueError) as error:
+        raise InputError(f"map {shown_path(path)} can't be read as NetCDF.") from error
+    if "reduced" not in found.attrs or "error" not in found:
+        raise InputError(f"map {shown_path(path)} was not written by triboflux chart.")
+    return found
