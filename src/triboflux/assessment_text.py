@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TextIO
 
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import require_one_of
 from triboflux.tables import WIDE
 from triboflux.units import format_quantity
 
@@ -30,27 +30,6 @@ _MEANINGS = {
     "restitution": ("e", "(5.19)"),
 }
 """Definition and equation of each of the seven numbers."""
-
-
-def require_format(name: str) -> None:
-    """Refuse an unknown format.
-
-    Parameters
-    ----------
-    name : str
-        Has to be one of `FORMATS`.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    if name not in FORMATS:
-        raise InputError.about(
-            "format",
-            f"is {shown(name)}, but must be one of {', '.join(FORMATS)}",
-            hint=nearest(name, FORMATS),
-        )
 
 
 def write(
@@ -84,7 +63,7 @@ def write(
     InputError
         If the format is unknown.
     """
-    require_format(form)
+    require_one_of("format", form, FORMATS)
     if form == "json":
         file.write(as_json(assessment, suspension, closures))
     elif form == "toml":

@@ -12,7 +12,7 @@ import typer
 
 from triboflux import __version__, cli_many
 from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet
-from triboflux.errors import InputError, TribofluxError, shown_path
+from triboflux.errors import InputError, TribofluxError, require_one_of, shown_path
 
 # everything else is imported inside the commands, so that help and refusals come at once
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def numbers(
     from triboflux.assessment import assess
     from triboflux.suspension import read_suspension_file
 
-    assessment_text.require_format(form)
+    require_one_of("format", form, assessment_text.FORMATS)
     suspension, usual = read_suspension_file(suspension_file)
     found = assess(suspension, closures or usual)
     assessment_text.write(
@@ -342,7 +342,7 @@ def closures(
     from triboflux import audit, tables
     from triboflux.terminal import interruptible
 
-    tables.require_format(form)
+    require_one_of("format", form, tables.FORMATS)
     bar = tables.sampling_bar(quiet=quiet or samples is None)
     with interruptible("nothing was printed"), bar as on_progress:
         rows = audit.audit(restitution, exponent, samples=samples, on_progress=on_progress)

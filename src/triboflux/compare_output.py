@@ -16,10 +16,11 @@ from triboflux import case_checks
 from triboflux.case import Case
 from triboflux.compare import compare, require_models, with_changes
 from triboflux.comparison import FIELDS, RelativeErrors
-from triboflux.errors import InputError, nearest, shown, shown_path
+from triboflux.errors import InputError, require_one_of, shown_path
 from triboflux.files import require_folder, require_writable, written_at_once
 from triboflux.initial_state import require_file
 from triboflux.memory import require_memory
+from triboflux.tables import WIDE
 from triboflux.terminal import in_background, interruptible, progress_bar, use_compilation_cache
 
 if TYPE_CHECKING:
@@ -30,17 +31,6 @@ SUFFIXES = (".png", ".pdf", ".nc")
 """Endings of the files that a comparison is written to."""
 
 _MISSING = "-"
-_WIDE = 10_000
-
-
-def require_format(name: str) -> None:
-    """Refuse an unknown format; raises InputError."""
-    if name not in FORMATS:
-        raise InputError.about(
-            "format",
-            f"is {shown(name)}, but must be one of {', '.join(FORMATS)}",
-            hint=nearest(name, FORMATS),
-        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +88,7 @@ def command(case_file: Path, options: Options) -> bool:
     """
     bar = progress_bar(quiet=options.quiet)
     with interruptible("nothing was written"):
-        require_format(options.form)
+        require_one_of("format", options.form, FORMATS)
         models = [name.strip() for name in options.models.split(",")]
         names = require_models([name for name in models if name])
         case = _case(case_file, options)
@@ -241,7 +231,7 @@ def text(comparison: Comparison, form: str) -> str:
     InputError
         If the format is unknown.
     """
-    require_format(form)
+    require_one_of("format", form, FORMATS)
     return {"table": as_table, "json": as_json, "csv": as_csv}[form](comparison)
 
 
@@ -298,7 +288,7 @@ def as_table(comparison: Comparison) -> str:
 
     file = io.StringIO()
     # a number that is cut off is worth nothing, so a narrow terminal breaks the lines itself
-    console = Console(file=file, width=_WIDE, highlight=False, markup=False, emoji=False)
+    console = Console(file=file, width=WIDE, highlight=False, markup=False, emoji=False)
 
     def table(heads: Sequence[str], rows: Sequence[Sequence[str]], texts: int) -> None:
         drawn = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import require_one_of
 
 HIGHEST_VISCOUS_REYNOLDS_NUMBER = 1000.0
 """Above it the drag coefficient of a sphere is taken as constant."""
@@ -270,8 +270,6 @@ def drag_time(name: str, state: DragState) -> float:
     InputError
         If there is no such law.
     """
-    if name not in LAWS:
-        problem = f"is {shown(name)}, but must be one of {', '.join(NAMES)}"
-        raise InputError.about("drag", problem, hint=nearest(name, NAMES))
+    require_one_of("drag", name, NAMES)
     rate = LAWS[name].rate(state)
     return 1.0 / rate if rate > 0.0 else math.inf

@@ -115,6 +115,30 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     return f" Did you mean '{by_lower_case[found[0]]}'?" if found else ""
 
 
+def require_one_of(field: str, value: object, allowed: Iterable[str]) -> None:
+    """Refuse a value that is none of some names.
+
+    Parameters
+    ----------
+    field : str
+        Dotted name of the field.
+    value : object
+        As given; only text can be allowed.
+    allowed : iterable of str
+        The names that would have been accepted.
+
+    Raises
+    ------
+    InputError
+        Says which are allowed and proposes the nearest.
+    """
+    names = tuple(allowed)
+    if not isinstance(value, str) or value not in names:
+        problem = f"is {shown(value)}, but must be one of {', '.join(names)}"
+        hint = nearest(value, names) if isinstance(value, str) else ""
+        raise InputError.about(field, problem, hint=hint)
+
+
 class _Shortened(reprlib.Repr):
     """A repr that is short at any depth and never fails on a huge integer."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import sympy
 
 from triboflux import __version__, closures, export_text, radial_distribution
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import require_one_of
 from triboflux.rates import closure_rates, suspension_transport
 
 if TYPE_CHECKING:
@@ -137,12 +137,7 @@ def export(suspension: Suspension, language: str, closure_name: str = "derived")
         "fortran": export_text.as_fortran,
         "openfoam": export_text.as_openfoam,
     }
-    if language not in writers:
-        raise InputError.about(
-            "language",
-            f"is {shown(language)}, but must be one of {', '.join(LANGUAGES)}",
-            hint=nearest(language, LANGUAGES),
-        )
+    require_one_of("language", language, LANGUAGES)
     return writers[language](source(suspension, closure_name))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import require_one_of
 from triboflux.suspension import Charge, Suspension
 
 ILLUSTRATIVE = "illustrative"
@@ -150,11 +150,8 @@ def fill(name: object, given: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         If there is no such preset.
     """
-    if not isinstance(name, str) or name not in _VALUES:
-        problem = f"is {shown(name)}, but must be one of {', '.join(NAMES)}"
-        hint = nearest(name, NAMES) if isinstance(name, str) else ""
-        raise InputError.about("preset", problem, hint=hint)
-    values = {field: cited.value for field, cited in _VALUES[name].items()}
+    require_one_of("preset", name, NAMES)
+    values = {field: cited.value for field, cited in _VALUES[str(name)].items()}
     if "youngs_modulus" in given:
         values.pop("softened_modulus", None)
     return values | dict(given)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import InputError, require_one_of
 
 CLOSEST_PACKING = 0.7405
 """Solid fraction of equal spheres in the densest arrangement there is, rounded up."""
@@ -187,9 +187,7 @@ def radial_distribution(
     InputError
         If there is no such law, or the fraction does not lie between 0 and the maximum packing.
     """
-    if name not in LAWS:
-        problem = f"is {shown(name)}, but must be one of {', '.join(NAMES)}"
-        raise InputError.about("radial_distribution", problem, hint=nearest(name, NAMES))
+    require_one_of("radial_distribution", name, NAMES)
     law = LAWS[name]
     packing = law.maximum_packing if maximum_packing is None else maximum_packing
     check_fraction(solid_fraction, packing)

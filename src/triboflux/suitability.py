@@ -18,7 +18,7 @@ from triboflux import closures
 from triboflux.case import MODEL_NAMES, Case
 from triboflux.case_text import case_table
 from triboflux.comparison import relative_errors
-from triboflux.errors import InputError, nearest, shown, shown_path
+from triboflux.errors import InputError, require_one_of, shown, shown_path
 from triboflux.files import require_folder, written_at_once
 from triboflux.initial_state import initial_fields
 from triboflux.rates import scaled_rates
@@ -200,9 +200,7 @@ def suitability(
 
 def require_reduced(name: str) -> None:
     """Refuse what is no reduced model; raises InputError."""
-    if name not in REDUCED:
-        problem = f"is {shown(name)}, but must be one of {', '.join(REDUCED)}"
-        raise InputError.about("reduced", problem, hint=nearest(name, REDUCED))
+    require_one_of("reduced", name, REDUCED)
 
 
 def _tables(case: Case) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
 from triboflux.closures import HERTZ_EXPONENT
-from triboflux.errors import InputError, nearest, shown
+from triboflux.errors import require_one_of
 
 if TYPE_CHECKING:
     from triboflux.audit import AuditRow
@@ -26,27 +26,6 @@ _NARROWEST, _SAMPLED_WIDTH = 80, 22
 """Columns below which a terminal breaks the lines itself, and what a sampled column adds."""
 _ROUND_OFF = 1e-12
 """Relative error below which a sampled value is exact in every sample."""
-
-
-def require_format(name: str) -> None:
-    """Refuse an unknown format.
-
-    Parameters
-    ----------
-    name : str
-        Has to be one of `FORMATS`.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
-    if name not in FORMATS:
-        raise InputError.about(
-            "format",
-            f"is {shown(name)}, but must be one of {', '.join(FORMATS)}",
-            hint=nearest(name, FORMATS),
-        )
 
 
 @contextmanager
@@ -97,7 +76,7 @@ def write(
     InputError
         If the format is unknown.
     """
-    require_format(form)
+    require_one_of("format", form, FORMATS)
     if form == "table":
         _write_table(rows, file, restitution, exponent)
     else:
