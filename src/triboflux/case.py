@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from triboflux import case_checks
+from triboflux.case_kinetic import Kinetic
 from triboflux.case_text import case_table, case_text, read_case_file
 from triboflux.case_units import resolve_suspension
 from triboflux.errors import InputError
@@ -214,6 +215,8 @@ class Case(InputModel):
         The state at time 0; zero by default.
     run : Run
         Stop rules, outputs and tolerances.
+    kinetic : Kinetic or None
+        Particles of a simulation; `solve` ignores it.
 
     Raises
     ------
@@ -232,6 +235,7 @@ class Case(InputModel):
     grid: GridSpec = Field(description="a table with points and lengths")
     initial: Initial = Field(default_factory=Initial)
     run: Run = Field(description="a table with at least t_end")
+    kinetic: Kinetic | None = None
 
     @model_validator(mode="before")
     @classmethod

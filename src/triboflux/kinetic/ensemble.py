@@ -1,0 +1,246 @@
+"""One ensemble of simulated particles: its parameters, its state and its steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from triboflux import closures
+from triboflux.case_kinetic import Kinetic
+from triboflux.errors import InputError
+from triboflux.kinetic.cells import (
+    COLUMNS,
+    accelerate,
+    cell_sums,
+    electric_field,
+    move,
+    sort,
+    thermostat,
+)
+from triboflux.kinetic.collisions import collide
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from triboflux.case import Case
+
+_FEWEST_IN_CELL = 20
+_CELLS_IN_DIAMETER = 8
+_CELLS_IN_DILUTE_BOX = 128
+_COLLISIONS_IN_STEP, _PATH_IN_STEP, _SWING_IN_STEP = 0.25, 0.02, 0.1
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What the particles of a case obey.
+
+    Attributes
+    ----------
+    points, cells : int
+        Output cells, and collision cells.
+    length : float
+        Of the box, scaled by L.
+    diameter : float
+        Distance of colliding centres, scaled by the length of the box; 0 for dilute particles.
+    collision_rate : float
+        Collisions of a particle per time in equilibrium, scaled by √Θ/L.
+    restitution, exponent : float
+        Of the collision law.
+    charge_transfer, field_transfer : float
+        γ and β of (2.15), scaled by Θ^(-a/2), and by that and n L/ε0.
+    energy_ratio : float
+        Strength of the field's force; 0 without.
+    drag_rate : float
+        1/τ_p, scaled by √Θ/L.
+    time_step : float
+        Longest one, scaled by L/√Θ.
+    thermostat : str
+        One of `triboflux.case_kinetic.THERMOSTATS`.
+    """
+
+    points: int
+    cells: int
+    length: float
+    diameter: float
+    collision_rate: float
+    restitution: float
+    exponent: float
+    charge_transfer: float
+    field_transfer: float
+    energy_ratio: float
+    drag_rate: float
+    time_step: float
+    thermostat: str
+
+    @classmethod
+    def of(cls, case: Case) -> Parameters:
+        """Return the parameters of a case, from its numbers and its table ``[kinetic]``.
+
+        γ and β follow from the Péclet number and τ_σ by the exact relations of kinetic theory,
+        whatever closure set the case names; model and closures have no effect.
+
+        Parameters
+        ----------
+        case : Case
+            In one dimension.
+
+        Raises
+        ------
+        InputError
+            If the case has more dimensions, or too few particles for its grid or cells.
+        """
+        if case.grid.dimensions != 1:
+            raise InputError.about(
+                "grid.points",
+                f"has {case.grid.dimensions} entries, but must have one: particles are simulated "
+                "in one space dimension",
+            )
+        n, options = case.numbers, case.kinetic or Kinetic()
+        exact = closures.derived(n.restitution, case.exponent)
+        # gamma times Pe, which stays finite without dispersion
+        collisional = n.tau_c < math.inf
+        transfer = exact["transferred_fraction"] * n.tau_c * n.length_ratio**2 if collisional else 0
+        length = case.grid.lengths[0]
+        diameter = 0.0 if options.dilute else 1.0 / (n.length_ratio * length)
+        return cls(
+            points=case.grid.points[0],
+            cells=_cells(case, options, diameter),
+            length=length,
+            diameter=diameter,
+            collision_rate=1.0 / n.tau_c,
+            restitution=n.restitution,
+            exponent=case.exponent,
+            charge_transfer=transfer / n.peclet,
+            field_transfer=transfer / (n.length_ratio * n.tau_sigma),
+            energy_ratio=n.energy_ratio if options.mean_field else 0.0,
+            drag_rate=1.0 / n.tau_p,
+            time_step=_time_step(case, options),
+            thermostat=options.thermostat,
+        )
+
+
+def _cells(case: Case, options: Kinetic, diameter: float) -> int:
+    """Return the number of collision cells, a multiple of the output cells."""
+    points = case.grid.points[0]
+    most = options.particles // _FEWEST_IN_CELL
+    if most < points:
+        raise InputError.about(
+            "kinetic.particles",
+            f"is {options.particles}, but must be at least {_FEWEST_IN_CELL * points}, "
+            f"{_FEWEST_IN_CELL} for each of the {points} points of the grid",
+        )
+    if options.cells is None:
+        wanted = _CELLS_IN_DIAMETER / diameter if diameter else _CELLS_IN_DILUTE_BOX
+        return points * max(1, min(math.ceil(wanted / points), most // points))
+    if options.cells % points or options.cells > most:
+        raise InputError.about(
+            "kinetic.cells",
+            f"is {options.cells}, but must be a multiple of the grid's {points} points and at most "
+            f"{most}, so that {_FEWEST_IN_CELL} of the {options.particles} particles are in each",
+        )
+    return options.cells
+
+
+def _time_step(case: Case, options: Kinetic) -> float:
+    """Return the longest time step."""
+    if options.time_step is not None:
+        return options.time_step
+    limits = [_COLLISIONS_IN_STEP * case.numbers.tau_c, _PATH_IN_STEP * case.grid.lengths[0]]
+    if options.mean_field and case.numbers.energy_ratio > 0.0:
+        limits.append(_SWING_IN_STEP / math.sqrt(case.numbers.energy_ratio))
+    return min(limits)
+
+
+class Ensemble:
+    """Particles that are simulated together.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        What they obey.
+    particles : numpy.ndarray
+        Shape ``(particles, 5)``: position, three velocities, charge, as
+        `triboflux.kinetic.cells` tells; taken over, not copied.
+    generator : numpy.ndarray
+        Four 64-bit words, not all zero: the state of the random numbers; taken over.
+    """
+
+    def __init__(
+        self, parameters: Parameters, particles: NDArray[np.float64], generator: NDArray[np.uint64]
+    ) -> None:
+        self.parameters = parameters
+        self.particles = particles
+        self.generator = generator
+        self.collisions = 0
+        self.steps = 0
+        self.largest_probability = 0.0
+        self._spare = np.empty((len(particles), COLUMNS))
+        self._cell_of = np.empty(len(particles), dtype=np.int32)
+        self._start = np.zeros(parameters.cells + 1, dtype=np.int64)
+
+    def advance(self, steps: int, time_step: float) -> None:
+        """Fly half a step, accelerate, collide, accelerate, and fly half a step, again and again.
+
+        Parameters
+        ----------
+        steps : int
+            How many.
+        time_step : float
+            Of each, scaled by L/√Θ.
+        """
+        p = self.parameters
+        half = 0.5 * time_step / p.length
+        law = (p.diameter, p.restitution, p.charge_transfer, p.field_transfer, p.exponent)
+        rate = 0.25 * math.sqrt(math.pi) * p.collision_rate
+        forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
+        field = np.zeros(p.cells + 1)
+        for _ in range(steps):
+            move(self.particles, half)
+            self._sort()
+            if forced or p.field_transfer > 0.0:
+                field = self._accelerate(0.5 * time_step)
+            if rate > 0.0:
+                number, largest = collide(
+                    self.particles,
+                    self._start,
+                    self.generator,
+                    field,
+                    time_step,
+                    rate,
+                    law,
+                    self.steps % 2 == 0,
+                )
+                self.collisions += number
+                self.largest_probability = max(self.largest_probability, largest)
+            if forced:
+                self._accelerate(0.5 * time_step)
+            if p.thermostat != "none" and (forced or p.restitution < 1.0):
+                thermostat(self.particles, self._start, p.points, p.thermostat == "full")
+            move(self.particles, half)
+            self.steps += 1
+
+    def sums(self) -> NDArray[np.float64]:
+        """Return counts, means and products of deviations, of shape ``(len(SUMS), points)``."""
+        self._sort()
+        return cell_sums(self.particles, self._start, self.parameters.points)
+
+    def field(self) -> NDArray[np.float64]:
+        """Return the electric field on the faces of the collision cells, both ends included."""
+        self._sort()
+        return electric_field(self.particles, self._start, self.parameters.length)
+
+    def _sort(self) -> None:
+        sort(self.particles, self._spare, self._cell_of, self._start)
+        self.particles, self._spare = self._spare, self.particles
+
+    def _accelerate(self, time: float) -> Any:
+        p = self.parameters
+        field = electric_field(self.particles, self._start, p.length)
+        # the exact motion under a constant force and drag
+        slowed = math.exp(-time * p.drag_rate)
+        acting = -math.expm1(-time * p.drag_rate) / p.drag_rate if p.drag_rate else time
+        accelerate(self.particles, self._start, field, acting * p.energy_ratio, slowed)
+        return field
