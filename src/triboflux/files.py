@@ -1,11 +1,11 @@
-"""Writing files: all of a file or nothing, never over another one unasked."""
+"""Writing files: all or nothing, never over another one unasked, one process at a time."""
 
 from __future__ import annotations
 
 import os
 import uuid
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 
@@ -104,7 +104,7 @@ def written_at_once(
     try:
         yield partial
         require_writable(target, overwrite=overwrite)
-        os.replace(partial, target)
+        replaced_durably(partial, target)
     except (OSError, RuntimeError) as error:
         reason = shown(str(error).replace(str(partial), str(target)), 200)[1:-1]
         raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
@@ -113,7 +113,94 @@ def written_at_once(
         _partial.discard(partial)
 
 
+def replaced_durably(partial: Path, target: Path) -> None:
+    """Give a written file its final name such that even a power failure leaves all or nothing.
+
+    Parameters
+    ----------
+    partial : pathlib.Path
+        The complete file, closed, in the folder of ``target``.
+    target : pathlib.Path
+        Its final name; a file of that name is replaced.
+
+    Raises
+    ------
+    OSError
+        If the file system refuses.
+    """
+    _synchronise(partial, os.O_RDWR)
+    os.replace(partial, target)
+    if os.name == "posix":  # Windows opens no folders
+        _synchronise(target.parent, os.O_RDONLY)
+
+
+def _synchronise(path: Path, flags: int) -> None:
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
 def discard_partial_files() -> None:
     """Remove what other threads are writing, before the process ends under them."""
     for partial in tuple(_partial):
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(path: str | PathLike[str]) -> Generator[None, None, None]:
+    """Keep other processes from writing a file; the lock ends with the process, however it ends.
+
+    Parameters
+    ----------
+    path : path-like
+        The output file; the lock is a hidden file beside it, removed at the end.
+
+    Raises
+    ------
+    InputError
+        If another process has the lock.
+    TribofluxError
+        If the folder can't be written to.
+    """
+    target = Path(path)
+    lock = target.with_name(f".{target.name}.lock")
+    try:
+        handle = _acquired(lock)
+    except BlockingIOError:
+        raise InputError(
+            f"output {shown_path(target)} is being written by another process."
+        ) from None
+    except OSError as error:
+        reason = shown(error.strerror or str(error), 200)[1:-1]
+        raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
+    try:
+        yield
+    finally:
+        # while it is held, so that nobody can be waiting for it; the folder may have vanished
+        with suppress(OSError):
+            lock.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _acquired(lock: Path) -> int:
+    """Return the handle of a locked file that is in its place."""
+    try:
+        import fcntl
+    except ImportError:  # Windows
+        return os.open(lock, os.O_RDWR | os.O_CREAT)
+    while True:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(handle)
+            raise
+        except OSError:  # a file system without locks
+            return handle
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(handle), os.stat(lock)):
+                return handle
+        # it was removed by whoever had it before, and may have been made anew
+        os.close(handle)

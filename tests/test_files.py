@@ -1,0 +1,91 @@
+"""One process at a time may write a file."""
+
+import os
+import signal
+import subprocess
+
+import pytest
+
+from tests.processes import command, surroundings
+from triboflux.errors import InputError, TribofluxError
+from triboflux.files import locked
+
+HOLD = """
+import sys, time
+from triboflux.files import locked
+with locked("out.nc"):
+    print("locked", flush=True)
+    sys.stdin.readline()
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """Start another process that has the lock of out.nc until it is told to end."""
+    process = subprocess.Popen(
+        command(code=HOLD),
+        cwd=tmp_path,
+        env=surroundings(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "locked\n"
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_two_processes_cannot_write_the_same_file(tmp_path, holder):
+    expected = r"^output '.*out.nc' is being written by another process\.$"
+    with pytest.raises(InputError, match=expected), locked(tmp_path / "out.nc"):
+        pass
+    with locked(tmp_path / "another.nc"):
+        pass
+    holder.communicate("end\n", timeout=30)
+    with locked(tmp_path / "out.nc"):
+        assert os.listdir(tmp_path) == [".out.nc.lock"]
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_killed_process_leaves_no_lock(tmp_path, holder):
+    holder.send_signal(signal.SIGKILL)
+    holder.wait(30)
+    with locked(tmp_path / "out.nc"):
+        pass
+    assert os.listdir(tmp_path) == []
+
+
+def test_nor_can_two_threads(tmp_path):
+    with locked(tmp_path / "out.nc"), pytest.raises(InputError), locked(tmp_path / "out.nc"):
+        pass
+
+
+def test_a_lock_that_was_removed_meanwhile_is_no_lock(tmp_path, monkeypatch):
+    """Another process may remove the file between its opening and its locking."""
+    import fcntl
+
+    usual, calls = fcntl.flock, []
+
+    def removed_before(handle, operation):
+        calls.append(handle)
+        if len(calls) == 1:
+            (tmp_path / ".out.nc.lock").unlink()
+        usual(handle, operation)
+
+    monkeypatch.setattr(fcntl, "flock", removed_before)
+    with locked(tmp_path / "out.nc"):
+        assert len(calls) == 2
+        with pytest.raises(InputError), locked(tmp_path / "out.nc"):
+            pass
+
+
+def test_a_folder_that_vanishes_does_not_hide_what_happened(tmp_path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    with pytest.raises(KeyError, match="first"), locked(folder / "out.nc"):
+        (folder / ".out.nc.lock").unlink()
+        folder.rmdir()
+        raise KeyError("first")
+    with pytest.raises(TribofluxError, match="No such file"), locked(folder / "out.nc"):
+        pass
