@@ -170,6 +170,7 @@ def test_damaged_bytes_are_always_refused(tmp_path_factory, data):
         sealed(header([], metadata=[])),
         sealed(header([], format_version="1")),
         sealed(header([["x", "<f8", [2**61]]])),
+        sealed(header([["x", "<f8", [2**28]]])),
         sealed(header([["x", "<f8", [2**39, 2**39, 2**39]]])),
         sealed(header([["x", "<f8", [-1]]]), bytes(8)),
         sealed(header([["x", "<f8", [-1, -1]]]), bytes(8)),
