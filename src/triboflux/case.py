@@ -188,6 +188,16 @@ class Run(InputModel):
             )
         return self
 
+    @property
+    def output_times(self) -> tuple[float, ...]:
+        """The times of the outputs, equally spaced if only their number is given."""
+        if isinstance(self.outputs, tuple):
+            return self.outputs
+        if self.outputs == 1:
+            return (0.0,)
+        step = self.t_end / (self.outputs - 1)
+        return (*(i * step for i in range(self.outputs - 1)), self.t_end)
+
 
 class Case(InputModel):
     """Everything that defines one run.

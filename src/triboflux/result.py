@@ -22,6 +22,7 @@ from triboflux import case_checks
 from triboflux.case import MODELS_WITH_VARIANCE, Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown, shown_path
+from triboflux.fields import FIELDS, MODEL_FIELDS, STANDARD_ERROR, dimensions_of, labels_of
 from triboflux.files import written_at_once
 from triboflux.memory import available_memory
 from triboflux.scales import Scales
@@ -29,48 +30,8 @@ from triboflux.scales import Scales
 FORMAT_VERSION = 1
 """Version of the file format; raised when older programs could not read newer files."""
 
-_FIELDS = {
-    "time": ("time", "L / sqrt(Theta)", "time", "s"),
-    "charge": ("mean charge of a particle", "Q0", "charge", "C"),
-    "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)", "covariance", "C m s-1"),
-    "variance": ("charge variance", "Q0^2", "variance", "C2"),
-    "field": ("electric field", "n Q0 L / epsilon_0", "field", "V m-1"),
-    "potential": ("electric potential", "n Q0 L^2 / epsilon_0", "potential", "V"),
-    "peak_charge": ("largest absolute mean charge in the box", "Q0", "charge", "C"),
-    "realizability_margin": (
-        "variance minus squared covariance over granular temperature, negative if impossible",
-        "Q0^2",
-        "variance",
-        "C2",
-    ),
-    **{name: (f"position along {name}", "L", "length", "m") for name in DIMENSION_NAMES},
-}
-"""Long name, scale, the scale's name in `Scales`, and SI unit of everything with a dimension."""
-
-_VECTORS = ("covariance", "field")
 _TEXTS = ("case_toml", "status", "stop_reason", "stats_json", "warnings_json", "versions_json")
 _PACKAGES = ("triboflux", "jax", "diffrax", "equinox", "numpy", "xarray", "netCDF4")
-
-
-def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
-    """Return the dimension names of a dataset variable.
-
-    Parameters
-    ----------
-    variable : str
-        Such as ``covariance``.
-    dimensions : int
-        Number of dimensions of the box.
-
-    Returns
-    -------
-    tuple of str
-        Such as ``("time", "component", "x")``.
-    """
-    if variable in ("time", "peak_charge"):
-        return ("time",)
-    vector = ("component",) if variable in _VECTORS else ()
-    return ("time", *vector, *DIMENSION_NAMES[:dimensions])
 
 
 def versions() -> dict[str, str]:
@@ -164,11 +125,12 @@ class Result:
         assert case.suspension is not None
         scales = Scales.of(case.suspension)
         changed: dict[Any, Any] = {}
-        for name, (_, _, scale, _) in _FIELDS.items():
-            if name in self.dataset.variables:
-                old, factor = self.dataset[name], getattr(scales, scale)
+        for name in self.dataset.variables:
+            about = FIELDS.get(str(name).removesuffix(STANDARD_ERROR))
+            if about is not None:
+                old, factor = self.dataset[name], getattr(scales, about[2])
                 values = old.values * factor if units == "si" else old.values / factor
-                changed[name] = (old.dims, values, _labels(name, si=units == "si"))
+                changed[name] = (old.dims, values, labels_of(str(name), si=units == "si"))
         dataset = self.dataset.assign_coords(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
             {name: changed.pop(name) for name in list(self.dataset.coords) if name in changed}
         )
@@ -266,7 +228,7 @@ def build_dataset(
     variables: dict[str, Any] = {}
     for name, values in arrays.items():
         dimensions = dimensions_of(name, case.grid.dimensions)
-        variables[name] = (dimensions, np.asarray(values, dtype=np.float64), _labels(name))
+        variables[name] = (dimensions, np.asarray(values, dtype=np.float64), labels_of(name))
     return xr.Dataset(
         variables,
         coords=_coordinates(case, times),
@@ -286,12 +248,6 @@ def build_dataset(
     )
 
 
-def _labels(name: str, *, si: bool = False) -> dict[str, str]:
-    """Return the attributes of a variable or coordinate."""
-    long_name, scale, _, unit = _FIELDS[name]
-    return {"long_name": long_name} | ({"units": unit} if si else {"units": "1", "scale": scale})
-
-
 def _plain(value: Any) -> Any:
     """Turn numpy and JAX numbers into what JSON knows."""
     return value.tolist()
@@ -300,7 +256,7 @@ def _plain(value: Any) -> Any:
 def _coordinates(case: Case, times: ArrayLike) -> dict[str, Any]:
     """Return the labelled coordinates of a dataset."""
     coordinates: dict[str, Any] = {
-        "time": ("time", np.asarray(times, dtype=np.float64), _labels("time")),
+        "time": ("time", np.asarray(times, dtype=np.float64), labels_of("time")),
         "component": (
             "component",
             np.arange(case.grid.dimensions),
@@ -309,7 +265,7 @@ def _coordinates(case: Case, times: ArrayLike) -> dict[str, Any]:
     }
     grid = zip(DIMENSION_NAMES, case.grid.points, case.grid.lengths, strict=False)
     for name, points, length in grid:
-        coordinates[name] = (name, np.arange(points) * (length / points), _labels(name))
+        coordinates[name] = (name, np.arange(points) * (length / points), labels_of(name))
     return coordinates
 
 
@@ -390,7 +346,7 @@ def _require_shapes(dataset: xr.Dataset, case: Case, name: str) -> None:
     sizes = dict(zip(DIMENSION_NAMES, case.grid.points, strict=False))
     sizes |= {"component": case.grid.dimensions, "time": dataset.sizes.get("time", 0)}
     without = () if case.model in MODELS_WITH_VARIANCE else ("variance", "realizability_margin")
-    for variable in (name for name in _FIELDS if name not in (*DIMENSION_NAMES, *without)):
+    for variable in (name for name in MODEL_FIELDS if name not in (*DIMENSION_NAMES, *without)):
         expected = dimensions_of(variable, case.grid.dimensions)
         if variable not in dataset.variables or dataset[variable].dims != expected:
             raise InputError(f"{name} is damaged: its variable {variable} is missing or misshapen.")

@@ -33,6 +33,14 @@ class Scales:
         n Q0 L/ε0, V/m.
     potential : float
         n Q0 L²/ε0, V.
+    number_density : float
+        n, 1/m³.
+    temperature : float
+        Θ, m²/s².
+    covariance_flux : float
+        Q0 Θ, C m²/s².
+    variance_flux : float
+        Q0² √Θ, C² m/s.
     """
 
     length: float
@@ -44,6 +52,10 @@ class Scales:
     variance: float
     field: float
     potential: float
+    number_density: float
+    temperature: float
+    covariance_flux: float
+    variance_flux: float
 
     @classmethod
     def of(cls, suspension: Suspension) -> Scales:
@@ -67,4 +79,8 @@ class Scales:
             variance=charge**2,
             field=field,
             potential=field * length,
+            number_density=suspension.number_density,
+            temperature=velocity**2,
+            covariance_flux=charge * velocity**2,
+            variance_flux=charge**2 * velocity,
         )

@@ -21,6 +21,7 @@ from triboflux.initial_state import initial_fields
 from triboflux.integrate import Carry, Outcome, Settings, advance, begin
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
+from triboflux.progress import Progress, fraction_done
 from triboflux.result import Result, build_dataset
 
 if TYPE_CHECKING:
@@ -33,30 +34,6 @@ SMALL_GRID, STEPS_SMALL, STEPS_LARGE = 2**14, 256, 4
 
 _begin = eqx.filter_jit(begin)
 _advance = eqx.filter_jit(advance)
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a running integration stands.
-
-    Attributes
-    ----------
-    time, t_end : float
-        Scaled by L/√Θ.
-    steps, rejected : int
-        Accepted and rejected so far.
-    peak_charge : float
-        Largest |Q| in the box, scaled by Q0.
-    fraction : float
-        Estimated part of the run that is done, from 0 to 1.
-    """
-
-    time: float
-    t_end: float
-    steps: int
-    rejected: int
-    peak_charge: float
-    fraction: float
 
 
 @dataclass
@@ -168,7 +145,7 @@ def _run_segments(
 ) -> Outcome:
     """Integrate segment by segment, recording outputs, until the run is over."""
     run = case.run
-    wanted = _output_times(case)
+    wanted = np.array(run.output_times)
     small = math.prod(grid.points) <= SMALL_GRID
     settings = Settings(
         *map(jnp.asarray, (run.t_end, run.rtol, run.atol)),
@@ -196,7 +173,7 @@ def _run_segments(
         if on_progress is not None:
             peak = float(_peak(grid, carry.coefficients))
             # The peak may rise again, but what is done stays done.
-            done = max(done, _fraction(case, float(carry.time), peak, initial_peak))
+            done = max(done, fraction_done(run, float(carry.time), peak, initial_peak))
             now = Progress(
                 float(carry.time), run.t_end, record.accepted, record.rejected, peak, done
             )
@@ -209,24 +186,8 @@ def _run_segments(
     return outcome
 
 
-def _output_times(case: Case) -> np.ndarray:
-    outputs = case.run.outputs
-    if isinstance(outputs, int):
-        return np.linspace(0.0, case.run.t_end, outputs) if outputs > 1 else np.zeros(1)
-    return np.asarray(outputs, dtype=float)
-
-
 def _optional(value: float | None) -> Array | None:
     return None if value is None else jnp.asarray(value)
-
-
-def _fraction(case: Case, time: float, peak: float, initial_peak: float) -> float:
-    """Estimate how much of the run is done, by time or by the decay of the charge."""
-    fraction = time / case.run.t_end
-    stop = case.run.stop_at_peak_charge
-    if stop is not None and 0.0 < peak < initial_peak:
-        fraction = max(fraction, math.log(peak / initial_peak) / math.log(stop / initial_peak))
-    return min(fraction, 1.0)
 
 
 def _ending(case: Case, model: models.Model, grid: Grid, outcome: Outcome) -> tuple[str, str]:

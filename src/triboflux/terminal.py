@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-    from triboflux.solve import Progress
+    from triboflux.progress import Progress
     from triboflux.sweep import SweepProgress
 
 EXIT_INTERRUPTED = 130
@@ -101,7 +101,7 @@ class ProgressBar:
 
         Parameters
         ----------
-        progress : triboflux.solve.Progress or triboflux.sweep.SweepProgress
+        progress : triboflux.progress.Progress or triboflux.sweep.SweepProgress
             What `solve` or `sweep` reports.
         """
         if self._bar is None and time.monotonic() - self._since < _PATIENCE:

@@ -1,0 +1,100 @@
+"""Names, dimensions, scales and units of everything in a dataset."""
+
+from __future__ import annotations
+
+from triboflux.case_checks import DIMENSION_NAMES
+
+MODEL_FIELDS = {
+    "time": ("time", "L / sqrt(Theta)", "time", "s"),
+    "charge": ("mean charge of a particle", "Q0", "charge", "C"),
+    "covariance": ("charge-velocity covariance", "Q0 sqrt(Theta)", "covariance", "C m s-1"),
+    "variance": ("charge variance", "Q0^2", "variance", "C2"),
+    "field": ("electric field", "n Q0 L / epsilon_0", "field", "V m-1"),
+    "potential": ("electric potential", "n Q0 L^2 / epsilon_0", "potential", "V"),
+    "peak_charge": ("largest absolute mean charge in the box", "Q0", "charge", "C"),
+    "realizability_margin": (
+        "variance minus squared covariance over granular temperature, negative if impossible",
+        "Q0^2",
+        "variance",
+        "C2",
+    ),
+    **{name: (f"position along {name}", "L", "length", "m") for name in DIMENSION_NAMES},
+}
+"""Long name, scale, the scale's name in `Scales`, and SI unit of everything with a dimension."""
+
+PARTICLE_FIELDS = {
+    "number_density": ("particles per volume", "n", "number_density", "m-3"),
+    "mean_velocity": ("mean velocity", "sqrt(Theta)", "velocity", "m s-1"),
+    "granular_temperature": ("granular temperature", "Theta", "temperature", "m2 s-2"),
+    "granular_temperature_xx": (
+        "variance of the velocity along x",
+        "Theta",
+        "temperature",
+        "m2 s-2",
+    ),
+    "covariance_flux_xx": (
+        "mean of fluctuating charge times velocity along x squared",
+        "Q0 Theta",
+        "covariance_flux",
+        "C m2 s-2",
+    ),
+    "covariance_flux_trace": (
+        "mean of fluctuating charge times square of the fluctuating velocity",
+        "Q0 Theta",
+        "covariance_flux",
+        "C m2 s-2",
+    ),
+    "variance_flux": (
+        "mean of fluctuating charge squared times fluctuating velocity",
+        "Q0^2 sqrt(Theta)",
+        "variance_flux",
+        "C2 m s-1",
+    ),
+}
+"""The same of what only a simulation of particles tells."""
+
+FIELDS = MODEL_FIELDS | PARTICLE_FIELDS
+"""All of them."""
+
+_VECTORS = ("covariance", "field", "mean_velocity", "variance_flux")
+
+STANDARD_ERROR = "_standard_error"
+"""Ends the name of a variable's standard error over ensembles of particles."""
+
+
+def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
+    """Return the dimension names of a dataset variable.
+
+    Parameters
+    ----------
+    variable : str
+        Such as ``covariance``.
+    dimensions : int
+        Number of dimensions of the box.
+
+    Returns
+    -------
+    tuple of str
+        Such as ``("time", "component", "x")``.
+    """
+    if variable.removesuffix(STANDARD_ERROR) in ("time", "peak_charge"):
+        return ("time",)
+    vector = ("component",) if variable.removesuffix(STANDARD_ERROR) in _VECTORS else ()
+    return ("time", *vector, *DIMENSION_NAMES[:dimensions])
+
+
+def labels_of(name: str, *, si: bool = False) -> dict[str, str]:
+    """Return the attributes of a variable or coordinate.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``covariance``, or with the ending of a standard error.
+    si : bool
+        Whether its values are in SI.
+    """
+    of = name.removesuffix(STANDARD_ERROR)
+    long_name, scale, _, unit = FIELDS[of]
+    if of != name:
+        long_name = f"standard error of the {long_name}, over ensembles"
+    return {"long_name": long_name} | ({"units": unit} if si else {"units": "1", "scale": scale})
