@@ -11,6 +11,9 @@ from triboflux.errors import InputError
 if TYPE_CHECKING:
     from triboflux.case import Case
 
+BYTES_OF_PARTICLE = 100
+"""Upper bound of what the simulation of particles needs for each."""
+
 _BYTES = 8
 _GIBIBYTE = 2**30
 
@@ -93,3 +96,25 @@ def require_memory(case: Case) -> None:
         f"{needed / _GIBIBYTE:,.3g} GiB of memory, but must fit in the available "
         f"{available / _GIBIBYTE:,.3g} GiB",
     )
+
+
+def require_memory_for_particles(particles: int) -> None:
+    """Refuse more simulated particles than fit in the available memory.
+
+    Parameters
+    ----------
+    particles : int
+        In all ensembles together.
+
+    Raises
+    ------
+    InputError
+        Names the estimate and what is available.
+    """
+    needed, available = BYTES_OF_PARTICLE * particles, available_memory()
+    if available is not None and needed > available:
+        raise InputError.about(
+            "kinetic.particles",
+            f"makes {particles} in all ensembles, which need about {needed / _GIBIBYTE:,.3g} GiB "
+            f"of memory, but must fit in the available {available / _GIBIBYTE:,.3g} GiB",
+        )

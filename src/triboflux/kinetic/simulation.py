@@ -7,18 +7,23 @@ import os
 import time as clock
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from importlib import metadata
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from triboflux import checkpoint as checkpoints
 from triboflux.case_kinetic import Kinetic
-from triboflux.errors import InputError
+from triboflux.checkpoint import InterruptionError, Schedule
+from triboflux.errors import InputError, shown_path
 from triboflux.fields import STANDARD_ERROR
 from triboflux.kinetic.dataset import dataset_of
 from triboflux.kinetic.ensemble import Ensemble, Parameters
 from triboflux.kinetic.moments import mean_and_error, moments_of, peak_charge
+from triboflux.kinetic.saved import KIND, State, from_checkpoint, to_checkpoint
 from triboflux.kinetic.start import draw_particles
+from triboflux.memory import require_memory_for_particles
 from triboflux.progress import Progress, fraction_done
 from triboflux.result import Result
 
@@ -33,40 +38,14 @@ _PARTICLE_STEPS = 2e7
 """Work of an ensemble between two reports of progress, about a second."""
 
 
-@dataclass
-class State:
-    """Where a simulation stands.
-
-    Attributes
-    ----------
-    ensembles : list of Ensemble
-        The particles.
-    interval, step : int
-        How many target times are reached, and steps done since.
-    time : float
-        Scaled by L/√Θ.
-    times : list of float
-        Of the outputs so far.
-    records : list of dict
-        What was put out then.
-    before, peak : tuple of float
-        Time, largest charge and its standard error, at the check before the last and at the last.
-    """
-
-    ensembles: list[Ensemble]
-    interval: int = 0
-    step: int = 0
-    time: float = 0.0
-    times: list[float] = field(default_factory=list[float])
-    records: list[dict[str, NDArray[np.float64]]] = field(default_factory=list[Any])
-    before: tuple[float, float, float] = (0.0, math.inf, math.inf)
-    peak: tuple[float, float, float] = (0.0, math.inf, math.inf)
-
-
 def simulate(
     case: Case,
     *,
     workers: int | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+    resume: bool = False,
+    schedule: Schedule | None = None,
+    interrupted: Callable[[], bool] | None = None,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Result:
     """Simulate the particles of a case.
@@ -83,6 +62,14 @@ def simulate(
         In one space dimension; velocities have three.
     workers : int, optional
         Number of threads; one per usable core by default. It does not change the result.
+    checkpoint : path-like, optional
+        File from which an interrupted simulation can go on; it is removed at the end.
+    resume : bool
+        Go on from the checkpoint. The result is bit for bit that of an uninterrupted run.
+    schedule : Schedule, optional
+        When a checkpoint is due; every five minutes by default.
+    interrupted : Callable, optional
+        Asked about once a second whether to write a checkpoint and stop.
     on_progress : Callable, optional
         Called with a `triboflux.progress.Progress` about once a second.
 
@@ -98,86 +85,142 @@ def simulate(
     Raises
     ------
     InputError
-        If the case does not fit a particle simulation.
+        If the case does not fit a particle simulation, or the checkpoint not the case.
+    InterruptionError
+        If it was interrupted; the checkpoint, if any, is written.
+    TribofluxError
+        If a checkpoint can't be written.
     """
     started = clock.perf_counter()
     parameters = Parameters.of(case)
     _check_rules(case)
-    threads = workers or len(os.sched_getaffinity(0))
-    with ThreadPoolExecutor(threads) as pool:
-        run = _Simulation(case, parameters, pool, on_progress)
-        run.begin()
-        status, reason = run.finish()
+    options = case.kinetic or Kinetic()
+    require_memory_for_particles(options.particles * options.ensembles)
+    keeper = None if checkpoint is None else _Keeper(case, checkpoint, schedule or Schedule())
+    with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+        run = _Simulation(case, parameters, pool)
+        if resume and keeper is not None:
+            run.state = keeper.read(parameters)
+        else:
+            run.begin()
+        status, reason = _finish(run, keeper, interrupted, on_progress)
+    if keeper is not None:
+        keeper.remove()
     stats = run.statistics() | {"seconds": round(clock.perf_counter() - started, 3)}
     return Result(run.dataset(status, reason, stats))
+
+
+def _finish(
+    run: _Simulation,
+    keeper: _Keeper | None,
+    interrupted: Callable[[], bool] | None,
+    on_progress: Callable[[Progress], None] | None,
+) -> tuple[str, str]:
+    """Run to the end, keeping checkpoints, and return status and reason."""
+    ending = None
+    while ending is None:
+        ending = run.go_on()
+        if on_progress is not None:
+            on_progress(run.progress())
+        if ending is None and interrupted is not None and interrupted():
+            where = f"at t = {run.state.time:.6g}"
+            if keeper is None:
+                raise InterruptionError(f"interrupted {where}; without a checkpoint all is lost.")
+            keeper.write(run.state)
+            raise InterruptionError(f"interrupted {where}; {keeper.told}")
+        if ending is None and keeper is not None:
+            keeper.write_if_due(run.state)
+    return ending
+
+
+class _Keeper:
+    """Writes and reads the checkpoints of a simulation."""
+
+    def __init__(self, case: Case, path: str | PathLike[str], schedule: Schedule) -> None:
+        self._case, self._path, self._schedule = case, path, schedule
+        names = ("triboflux", "numpy", "numba")
+        self._versions = {name: metadata.version(name) for name in names}
+        self.told = f"the checkpoint is {shown_path(path)}."
+
+    def read(self, parameters: Parameters) -> State:
+        saved = checkpoints.read(
+            self._path, kind=KIND, case_toml=self._case.to_toml(), versions=self._versions
+        )
+        options = self._case.kinetic or Kinetic()
+        return from_checkpoint(saved, parameters, (options.ensembles, options.particles))
+
+    def write(self, state: State) -> None:
+        checkpoints.write(self._path, to_checkpoint(self._case, self._versions, state))
+
+    def write_if_due(self, state: State) -> None:
+        steps = state.ensembles[0].steps
+        if self._schedule.due(steps):
+            self.write(state)
+            self._schedule.written(steps)
+
+    def remove(self) -> None:
+        checkpoints.remove(self._path)
 
 
 class _Simulation:
     """A simulation that goes on step by step."""
 
-    def __init__(
-        self,
-        case: Case,
-        parameters: Parameters,
-        pool: ThreadPoolExecutor,
-        on_progress: Callable[[Progress], None] | None,
-    ) -> None:
+    def __init__(self, case: Case, parameters: Parameters, pool: ThreadPoolExecutor) -> None:
         self._case, self._parameters, self._pool = case, parameters, pool
-        self._on_progress = on_progress
+        self._options = case.kinetic or Kinetic()
         outputs = case.run.output_times
         self._targets = outputs if outputs[-1] == case.run.t_end else (*outputs, case.run.t_end)
-        self._initial_peak = 0.0
+        self.state: State
 
     def begin(self) -> None:
         """Draw the particles."""
-        options = self._case.kinetic or Kinetic()
-        seeds = np.random.SeedSequence(options.seed).spawn(options.ensembles)
-        self.state = State(list(self._pool.map(self._draw, seeds)))
-        self._total = self._totals()
+        seeds = np.random.SeedSequence(self._options.seed).spawn(self._options.ensembles)
+        ensembles = list(self._pool.map(self._draw, seeds))
+        none = (0.0, math.inf, math.inf)
+        self.state = State(ensembles, _totals(ensembles), 0.0, 0, 0, 0.0, [], [], none, none)
         self._check_peak()
-        self._initial_peak = self.state.peak[1]
+        self.state.initial_peak = peak = self.state.peak[1]
         stop = self._case.run.stop_at_peak_charge
-        if stop is not None and stop >= self._initial_peak:
+        if stop is not None and stop >= peak:
             raise InputError(
                 f"run.stop_at_peak_charge: {stop:g} is not allowed; it must be below the initial "
-                f"peak charge, {self._initial_peak:.6g}."
+                f"peak charge, {peak:.6g}."
             )
         if self._targets[0] == 0.0:
             self._record()
             self.state.interval = 1
 
     def _draw(self, seed: np.random.SeedSequence) -> Ensemble:
-        options = self._case.kinetic or Kinetic()
         of_particles, of_collisions = seed.spawn(2)
         random = np.random.default_rng(of_particles)
-        particles = draw_particles(self._case, options.particles, random)
+        particles = draw_particles(self._case, self._options.particles, random)
         words = of_collisions.generate_state(4, np.uint64).astype(np.uint64)
         return Ensemble(self._parameters, particles, words)
 
-    def finish(self) -> tuple[str, str]:
-        """Run to the end and return status and reason."""
+    def go_on(self) -> tuple[str, str] | None:
+        """Make some steps; return status and reason if that was the end."""
         run, state = self._case.run, self.state
-        while state.interval < len(self._targets):
-            start = self._targets[state.interval - 1] if state.interval else 0.0
-            end = self._targets[state.interval]
-            steps = max(1, math.ceil((end - start) / self._parameters.time_step - 1e-9))
-            size = (end - start) / steps
-            chunk = self._chunk(size, steps)
-            list(self._pool.map(lambda e: e.advance(chunk, size), state.ensembles))  # noqa: B023
-            state.step += chunk
-            state.time = end if state.step == steps else start + state.step * size
-            if not all(np.isfinite(e.particles).all() for e in state.ensembles):
-                return "diverged", f"particles left all bounds at t = {state.time:.6g}"
-            self._check_peak()
-            self._report()
-            stop = run.stop_at_peak_charge
-            if stop is not None and state.peak[1] <= stop:
-                self._record()
-                return "ok", f"peak charge fell to {stop:g}"
-            if state.step == steps:
-                self._record()
-                state.interval, state.step = state.interval + 1, 0
-        return "ok", f"reached t_end = {run.t_end:g}"
+        start = self._targets[state.interval - 1] if state.interval else 0.0
+        end = self._targets[state.interval]
+        steps = max(1, math.ceil((end - start) / self._parameters.time_step - 1e-9))
+        size = (end - start) / steps
+        chunk = self._chunk(size, steps)
+        list(self._pool.map(lambda ensemble: ensemble.advance(chunk, size), state.ensembles))
+        state.step += chunk
+        state.time = end if state.step == steps else start + state.step * size
+        if not all(np.isfinite(e.particles).all() for e in state.ensembles):
+            return "diverged", f"particles were not finite any longer at t = {state.time:.6g}"
+        self._check_peak()
+        stop = run.stop_at_peak_charge
+        if stop is not None and state.peak[1] <= stop:
+            self._record()
+            return "ok", f"peak charge fell to {stop:g}"
+        if state.step == steps:
+            self._record()
+            state.interval, state.step = state.interval + 1, 0
+        if state.interval == len(self._targets):
+            return "ok", f"reached t_end = {run.t_end:g}"
+        return None
 
     def _chunk(self, size: float, steps: int) -> int:
         """Return how many steps to make until the next check or report."""
@@ -206,29 +249,17 @@ class _Simulation:
         state.times.append(state.time)
         state.records.append(values)
 
-    def _report(self) -> None:
-        if self._on_progress is None:
-            return
+    def progress(self) -> Progress:
+        """Return how far the simulation is."""
         run, state = self._case.run, self.state
-        done = fraction_done(run, state.time, state.peak[1], self._initial_peak)
+        done = fraction_done(run, state.time, state.peak[1], state.initial_peak)
         steps = state.ensembles[0].steps
-        self._on_progress(Progress(state.time, run.t_end, steps, 0, state.peak[1], done))
-
-    def _totals(self) -> NDArray[np.float64]:
-        """Return momentum, charge and kinetic energy of each ensemble, per particle."""
-        totals: list[tuple[float, ...]] = []
-        for particles in (e.particles for e in self.state.ensembles):
-            velocity = particles[:, 1:4]
-            energy = 1.5 * float(np.mean(velocity**2))
-            totals.append(
-                (*map(float, velocity.mean(axis=0)), energy, float(particles[:, 4].mean()))
-            )
-        return np.array(totals)
+        return Progress(state.time, run.t_end, steps, 0, state.peak[1], done)
 
     def statistics(self) -> dict[str, Any]:
         """Return what the run counted and conserved."""
         state = self.state
-        drift = np.abs(self._totals() - self._total).max(axis=0)
+        drift = np.abs(_totals(state.ensembles) - state.initial_totals).max(axis=0)
         collisions = sum(e.collisions for e in state.ensembles)
         particles = sum(len(e.particles) for e in state.ensembles)
         stats = {
@@ -250,8 +281,7 @@ class _Simulation:
 
     def dataset(self, status: str, reason: str, stats: dict[str, Any]) -> Any:
         """Label what was put out."""
-        p, records = self._parameters, self.state.records
-        options = self._case.kinetic or Kinetic()
+        p, records, options = self._parameters, self.state.records, self._options
         attributes: dict[str, str | int | float] = {
             "method": "kinetic",
             "particles": options.particles,
@@ -272,6 +302,16 @@ class _Simulation:
             stats=stats,
             attributes=attributes,
         )
+
+
+def _totals(ensembles: list[Ensemble]) -> NDArray[np.float64]:
+    """Return momentum, charge and kinetic energy of each ensemble, per particle."""
+    totals: list[tuple[float, ...]] = []
+    for particles in (e.particles for e in ensembles):
+        squares = np.einsum("ij,ij->", particles[:, 1:4], particles[:, 1:4])
+        energy = 0.5 * float(squares) / len(particles)
+        totals.append((*map(float, particles[:, 1:].mean(axis=0)), energy))
+    return np.array(totals)
 
 
 def _check_rules(case: Case) -> None:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from triboflux.case import Case
 
 _ROUND_OFF = 1e-12
+_BLOCK = 2**16
 
 
 def draw_particles(case: Case, number: int, random: np.random.Generator) -> NDArray[np.float64]:
@@ -47,18 +48,22 @@ def draw_particles(case: Case, number: int, random: np.random.Generator) -> NDAr
     fields = initial_fields(case)
     charge, covariance, variance = fields[0], fields[1][0], fields[2]
     require_realizable(case, covariance, variance)
-    place = (np.arange(number) + random.random(number)) / number
     particles = np.empty((number, COLUMNS))
-    particles[:, 0] = (place + 0.5 / case.grid.points[0]) % 1.0
-    velocity = random.standard_normal((number, 3))
+    velocity = particles[:, 1:4]
+    for axis in range(3):
+        velocity[:, axis] = random.standard_normal(number)
     velocity -= velocity.mean(axis=0)
-    velocity *= np.sqrt(3.0 * number / np.sum(velocity**2))
-    particles[:, 1:4] = velocity
-    particles[:, 4] = evaluate(charge, place)
-    if variance.any():
-        along = evaluate(covariance, place)
-        rest = np.sqrt(np.maximum(evaluate(variance, place) - along**2, 0.0))
-        particles[:, 4] += along * velocity[:, 0] + rest * random.standard_normal(number)
+    velocity *= np.sqrt(3.0 * number / np.einsum("ij,ij->", velocity, velocity))
+    # in blocks, so that what is needed in between takes no memory
+    for first in range(0, number, _BLOCK):
+        block = particles[first : first + _BLOCK]
+        place = (first + np.arange(len(block)) + random.random(len(block))) / number
+        block[:, 0] = (place + 0.5 / case.grid.points[0]) % 1.0
+        block[:, 4] = evaluate(charge, place)
+        if variance.any():
+            along = evaluate(covariance, place)
+            rest = np.sqrt(np.maximum(evaluate(variance, place) - along**2, 0.0))
+            block[:, 4] += along * block[:, 1] + rest * random.standard_normal(len(block))
     return particles
 
 

@@ -1,0 +1,7 @@
+"""The command that simulates particles."""
+
+from __future__ import annotations
+
+import typer
+
+commands = typer.Typer()
