@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from triboflux import closures, numbers, presets
     from triboflux.case import Case, ComponentMode, GridSpec, Initial, Mode, Run
+    from triboflux.case_kinetic import Kinetic
     from triboflux.compare import compare
     from triboflux.comparison import Comparison
     from triboflux.diagnostics import initial_closure
     from triboflux.errors import InputError, OutOfRangeError, TribofluxError
     from triboflux.grid import Grid
     from triboflux.integrate import integrate
+    from triboflux.kinetic.simulation import simulate
     from triboflux.moments import Moments
     from triboflux.numbers import Numbers
     from triboflux.result import Result, load
@@ -38,6 +40,7 @@ __all__ = [
     "GridSpec",
     "Initial",
     "InputError",
+    "Kinetic",
     "Mode",
     "Moments",
     "Numbers",
@@ -56,6 +59,7 @@ __all__ = [
     "load",
     "numbers",
     "presets",
+    "simulate",
     "solve",
     "suitability",
     "sweep",
@@ -72,6 +76,7 @@ _HOMES = {
     "GridSpec": "case",
     "Initial": "case",
     "InputError": "errors",
+    "Kinetic": "case_kinetic",
     "Mode": "case",
     "Moments": "moments",
     "Numbers": "numbers",
@@ -86,6 +91,7 @@ _HOMES = {
     "initial_closure": "diagnostics",
     "integrate": "integrate",
     "load": "result",
+    "simulate": "kinetic.simulation",
     "solve": "solve",
     "suitability": "suitability",
     "sweep": "sweep",

@@ -84,7 +84,7 @@ Wholes = Annotated[tuple[Whole, ...], BeforeValidator(_listed)]
 def _require(holds: Callable[[float], bool], allowed: str) -> AfterValidator:
     """Return a validator that refuses numbers for which ``holds`` is false."""
 
-    def check(value: float) -> float:
+    def check(value: float | int) -> float | int:
         if not holds(value):
             raise ValueError(f"must be {allowed}")
         return value
