@@ -139,7 +139,7 @@ def test_reproduce_needs_its_folder(folder):
         ("run",),
         ("run", "case.toml"),
         ("run", "case.toml", "-o", "out.nc", "--fast"),
-        ("reproduce", "--figure", "9", "-o", "."),
+        ("reproduce", "--figure", "10", "-o", "."),
         ("simulate",),
     ],
 )

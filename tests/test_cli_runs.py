@@ -1,5 +1,6 @@
 """Runs from the command line: results, exit codes, interruption, progress, cache."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -124,12 +125,12 @@ def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
     calls = []
 
     class Reproduction:
-        def __init__(self, folder, numbers=None, *, overwrite=False):
-            self.folder, self.overwrite = folder, overwrite
+        def __init__(self, folder, numbers=None, *, overwrite=False, workers=None):
+            self.folder, self.overwrite, self.workers = folder, overwrite, workers
             self.numbers = (1, 2) if numbers is None else numbers
 
         def write(self, number, on_progress=None):
-            calls.append((number, self.overwrite))
+            calls.append((number, self.overwrite, self.workers))
             return [self.folder / f"figure{number}.png"]
 
         def write_summary(self):
@@ -137,15 +138,25 @@ def test_reproduce_prints_what_it_wrote(folder, monkeypatch, capsys):
             return [self.folder / "summary.md"]
 
     module = ModuleType("triboflux.figures")
-    module.Reproduction = Reproduction
+    module.Reproduction, module.MAP = Reproduction, 2
+    kinds = []
+
+    @contextlib.contextmanager
+    def progress_bar(*, quiet, kind):
+        kinds.append(kind)
+        yield None
+
+    monkeypatch.setattr(terminal, "progress_bar", progress_bar)
     monkeypatch.setitem(sys.modules, "triboflux.figures", module)
     monkeypatch.setattr("triboflux.figures", module, raising=False)
-    for arguments in ([], ["--figure", "2", "--overwrite"]):
+    for arguments in ([], ["--figure", "2", "--overwrite", "--workers", "3"]):
         monkeypatch.setattr(sys, "argv", ["triboflux", "reproduce", "-o", str(folder), *arguments])
         with pytest.raises(SystemExit) as ended:
             cli.main()
         assert ended.value.code == 0
-    assert calls == [(1, False), (2, False), "summary", (2, True)]
+    assert calls == [(1, False, None), (2, False, None), "summary", (2, True, 3)]
+    # the figure of maps has points to count
+    assert kinds == [terminal.ProgressBar, terminal.MembersBar, terminal.MembersBar]
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
     assert names == ["figure1.png", "figure2.png", "summary.md", "figure2.png"]
 

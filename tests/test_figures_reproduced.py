@@ -16,14 +16,16 @@ from tests.cases import fake_result
 from tests.paper_runs import changed
 from triboflux import models
 from triboflux.errors import InputError, TribofluxError
-from triboflux.figures import CLOSURES, Reproduction, paper_case, style, summary
+from triboflux.figures import CLOSURES, Reproduction, paper_case, regions, style, summary
 from triboflux.figures import budgets as budget_figures
 from triboflux.figures import closure as closure_figure
 from triboflux.figures import comparison as comparison_figures
 from triboflux.figures.cases import Runs, until
-from triboflux.figures.measures import distances, harmonics, places_of_maxima, unrealizable
+from triboflux.figures.measures import distances
 from triboflux.figures.statements import Finding, Statement, statements
-from triboflux.result import Result, load
+from triboflux.result import load
+from triboflux.suitability import OUTSIDE
+from triboflux.suitability import load as load_map
 
 VARIABLES = ("charge", "field", "covariance", "variance")
 COMPARED = {3: "gradient", 7: "semi-algebraic", 8: "semi-algebraic"}
@@ -32,6 +34,7 @@ DATA = {
     **dict.fromkeys((1, 2, 4, 5), CLOSURES),
     6: [f"{letter}_{closures}" for letter in "ab" for closures in CLOSURES],
     **PAIRS,
+    9: CLOSURES,
 }
 NAMES = {
     f"fig{number}{ending}"
@@ -55,7 +58,8 @@ def everything(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "solve", counted)
         patch.setattr(style, "DOTS_PER_INCH", 60)
-        reproduction = Reproduction(folder)
+        patch.setattr(regions, "POINTS", 4)
+        reproduction = Reproduction(folder, workers=1)
         for number in reproduction.numbers:
             reproduction.write(number)
         reproduction.write_summary()
@@ -281,6 +285,31 @@ def test_statements_about_the_initial_variance(everything):
     assert told["derived"].measured.endswith("and 0.0336")
 
 
+# ------------------------------------------------------------------ Fig. 9
+
+
+@pytest.mark.parametrize("closures", CLOSURES)
+def test_maps_are_kept_beside_their_figure(everything, closures):
+    made = load_map(everything.folder / f"fig9_{closures}.nc")
+    assert made.equals(everything.data[9][closures])
+    assert made.attrs["closures"] == closures
+    outside = made["status"].values == OUTSIDE
+    np.testing.assert_array_equal(np.isnan(made["error"].values), outside)
+    # most of the left half, where collisions pass over much of the charge
+    assert outside[:2].sum() >= 3
+    assert not outside[-1].any()
+    assert (np.diff(made["error"].values[-1]) > 0.0).all()
+
+
+def test_statements_about_regions(everything):
+    assert verdicts(everything, 9)[0] == (True, True)
+    told = rows(everything, 9)[0].findings["published"].measured
+    assert told.startswith("A 6.8e-04 % (Fig. 7; nearest point of the map ")
+    assert "), B 96.9 % (Fig. 8; " in told
+    # the plane is too coarse for lines of equal error
+    assert verdicts(everything, 9)[3:] == [(None, None)] * 2
+
+
 # ------------------------------------------------------------------ Figs. 1 and 2, summary
 
 
@@ -424,40 +453,7 @@ def test_a_run_until_a_time_records_its_end(time, outputs):
     assert changed(case, run=paper_case(1).run.model_dump()) == paper_case(1)
 
 
-# ------------------------------------------------------------------ measures
-
-
-def wave(charge, **fields):
-    """Return a made-up result whose last fields are given."""
-    result = fake_result(changed(paper_case(1), grid__points=(len(charge),)))
-    dataset = result.dataset.copy(deep=True)
-    for name, values in {"charge": charge, **fields}.items():
-        dataset[name][{"time": -1}] = values
-    return Result(dataset)
-
-
-def test_distances_are_relative_to_the_full_model():
-    x = np.arange(16) / 16
-    full = wave(2.0 * np.sin(2 * np.pi * x))
-    reduced = wave(2.0 * np.sin(2 * np.pi * x) + 0.1 * np.cos(2 * np.pi * x))
-    found = distances(reduced, full)
-    assert found["charge"] == pytest.approx((0.05, 0.05))
-    assert found["variance"] == (0.0, 0.0)
-
-
-def test_harmonics_of_a_wave():
-    x = np.arange(16) / 16
-    sine = np.cos(2 * np.pi * x - 0.3)
-    assert harmonics(wave(sine)) < 1e-14
-    peaked = np.cos(2 * np.pi * x) + 0.25 * np.cos(4 * np.pi * x)
-    assert harmonics(wave(peaked)) == pytest.approx(0.2)
-
-
-def test_maxima_and_realizability_of_a_wave():
-    x = np.arange(16) / 16
-    result = wave(x, covariance=np.sin(2 * np.pi * x), variance=0.6)
-    np.testing.assert_array_equal(places_of_maxima(result, "covariance"), [-0.25, 0.25])
-    assert unrealizable(result) == pytest.approx((6 / 16, 1.0 / 0.6))
+# ------------------------------------------------------------------ texts
 
 
 @pytest.mark.parametrize(

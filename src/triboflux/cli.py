@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from triboflux import __version__, cli_many
-from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet
+from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet, Workers
 from triboflux.errors import InputError, TribofluxError, require_one_of, shown_path
 
 # everything else is imported inside the commands, so that help and refusals come at once
@@ -233,8 +233,9 @@ def reproduce(
         typer.Option("--output", "-o", metavar="DIR", help="Folder, made if absent."),
     ],
     figure: Annotated[
-        int | None, typer.Option(min=1, max=8, help="Number of the paper's figure; all if absent.")
+        int | None, typer.Option(min=1, max=9, help="Number of the paper's figure; all if absent.")
     ] = None,
+    workers: Workers = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
@@ -254,7 +255,7 @@ def reproduce(
         from triboflux import figures  # imports Matplotlib
 
         numbers = None if figure is None else [figure]
-        reproduction = figures.Reproduction(folder, numbers, overwrite=overwrite)
+        reproduction = figures.Reproduction(folder, numbers, overwrite=overwrite, workers=workers)
         for number in reproduction.numbers:
             paths = _reproduce(reproduction, number, quiet=quiet)
             for path in () if quiet else paths:
@@ -267,9 +268,17 @@ def reproduce(
 
 def _reproduce(reproduction: Reproduction, number: int, *, quiet: bool) -> list[Path]:
     """Write one figure in the background and return its files."""
-    from triboflux.terminal import in_background, progress_bar, use_compilation_cache
+    from triboflux.figures import MAP
+    from triboflux.terminal import (
+        MembersBar,
+        ProgressBar,
+        in_background,
+        progress_bar,
+        use_compilation_cache,
+    )
 
-    with progress_bar(quiet=quiet) as on_progress:
+    kind = MembersBar if number == MAP else ProgressBar
+    with progress_bar(quiet=quiet, kind=kind) as on_progress:
 
         def work() -> list[Path]:
             use_compilation_cache()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet
+from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet, Workers
 
 commands = typer.Typer()
 """They become commands of the program itself."""
@@ -22,9 +22,7 @@ def sweep(
         Path,
         typer.Option("--output", "-o", metavar="STORE", help="Zarr store to begin or go on with."),
     ],
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
-    ] = None,
+    workers: Workers = None,
     scheduler: Annotated[
         str | None,
         typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
@@ -71,9 +69,7 @@ def chart(
         Path | None,
         typer.Option(metavar="FILE", help="Mark the suspension of this file in the chart."),
     ] = None,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
-    ] = None,
+    workers: Workers = None,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:

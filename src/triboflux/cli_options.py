@@ -11,3 +11,6 @@ EXIT_NOT_OK = 3
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Workers = Annotated[
+    int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
+]

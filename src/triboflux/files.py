@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 import uuid
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -12,6 +14,8 @@ from pathlib import Path
 from triboflux.errors import InputError, TribofluxError, shown, shown_path
 
 _partial: set[Path] = set()
+_temporary: set[Path] = set()
+_ATTEMPTS = 5
 
 
 def require_folder(path: str | PathLike[str]) -> None:
@@ -142,10 +146,47 @@ def _synchronise(path: Path, flags: int) -> None:
         os.close(handle)
 
 
+@contextmanager
+def temporary_folder() -> Generator[Path, None, None]:
+    """Give an empty folder that is removed afterwards, after an error too.
+
+    Yields
+    ------
+    pathlib.Path
+        In the system's place for temporary files.
+
+    Raises
+    ------
+    TribofluxError
+        If it can't be made.
+    """
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="triboflux-"))
+    except OSError as error:
+        reason = shown(str(error), 200)[1:-1].rstrip(".")
+        raise TribofluxError(f"no temporary folder can be made: {reason}.") from error
+    _temporary.add(folder)
+    try:
+        yield folder
+    finally:
+        _remove(folder)
+        _temporary.discard(folder)
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder, even while another thread still adds to it."""
+    for _ in range(_ATTEMPTS):
+        shutil.rmtree(folder, ignore_errors=True)
+        if not folder.exists():
+            return
+
+
 def discard_partial_files() -> None:
     """Remove what other threads are writing, before the process ends under them."""
     for partial in tuple(_partial):
         partial.unlink(missing_ok=True)
+    for folder in tuple(_temporary):
+        _remove(folder)
 
 
 @contextmanager

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from triboflux.figures.cases import CLOSURES, PAPER_TIMES, paper_case
+from triboflux.figures.cases import CLOSURES, MAP, PAPER_TIMES, paper_case
 from triboflux.figures.profiles import figure_one, figure_two
 from triboflux.figures.reproduce import KINDS, Reproduction, reproduce
 
 __all__ = [
     "CLOSURES",
     "KINDS",
+    "MAP",
     "PAPER_TIMES",
     "Reproduction",
     "figure_one",

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from triboflux.case import Case
 from triboflux.errors import InputError, TribofluxError
+from triboflux.files import temporary_folder
+from triboflux.suitability import suitability
+from triboflux.sweep import SweepProgress
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from triboflux.result import Result
     from triboflux.solve import Progress
 
@@ -22,6 +28,9 @@ FREQUENT, RARE = 1, 2
 
 CASE_OF_FIGURE = {1: 1, 2: 2, 3: 2, 4: 1, 5: 2, 7: 1, 8: 2}
 """Which of the two cases a figure shows; Fig. 6 shows both."""
+
+MAP = 9
+"""Number of the figure that is made of maps, not of runs of the two cases."""
 
 PAPER_TIMES = {1: "48", 2: "0.16"}
 """The times that the paper quotes for its two cases, scaled by L/√Θ."""
@@ -94,22 +103,30 @@ def until(case: Case, time: float) -> Case:
 
 
 class Runs:
-    """Results of cases, each computed once."""
+    """Results of cases, each computed once, and maps of errors.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    workers : int, optional
+        Number of local processes for a map; one per usable core by default.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._workers = workers
         self._results: dict[str, Result] = {}
-        self._on_progress: Callable[[Progress], None] | None = None
+        self._on_progress: Callable[[Any], None] | None = None
         self._part, self._parts = 0, 1
 
-    def expect(self, parts: int, on_progress: Callable[[Progress], None] | None) -> None:
+    def expect(self, parts: int, on_progress: Callable[[Any], None] | None) -> None:
         """Report the progress of the next runs as fractions of all of them.
 
         Parameters
         ----------
         parts : int
-            How many results will be asked for.
+            How many results or maps will be asked for.
         on_progress : Callable or None
-            Called with a `triboflux.solve.Progress`.
+            Called with a `triboflux.solve.Progress`, for maps with a
+            `triboflux.sweep.SweepProgress`.
         """
         self._part, self._parts, self._on_progress = 0, parts, on_progress
 
@@ -148,3 +165,42 @@ class Runs:
         if on_progress is None:
             return None
         return lambda now: on_progress(replace(now, fraction=(part + now.fraction) / parts))
+
+    def map(
+        self, case: Case, reduced: str, axes: Sequence[tuple[str, Sequence[float]]]
+    ) -> xr.Dataset:
+        """Return the error of a reduced model over two numbers; its runs are not kept.
+
+        Parameters
+        ----------
+        case : Case
+            Everything else.
+        reduced : str
+            The model to judge.
+        axes : pair of (str, sequence of float)
+            See `triboflux.suitability.suitability`.
+
+        Raises
+        ------
+        TribofluxError
+            If workers fail.
+        """
+        size = math.prod(len(values) for _, values in axes)
+        on_progress, before, total = self._on_progress, self._part * size, self._parts * size
+
+        def report(now: SweepProgress) -> None:
+            if on_progress is not None:
+                done = before + round(now.fraction * size)
+                on_progress(SweepProgress(done, total, now.not_ok))
+
+        with temporary_folder() as folder:
+            found = suitability(
+                case,
+                reduced,
+                axes,
+                store_folder=folder,
+                workers=self._workers,
+                on_progress=report,
+            )
+        self._part += 1
+        return found

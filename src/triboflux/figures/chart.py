@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from triboflux.figures import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
     from xarray import Dataset
@@ -89,33 +90,103 @@ def chart_figure(dataset: Dataset, marks: Mapping[str, Mark] | None = None) -> F
     matplotlib.figure.Figure
         As wide as a column, not known to pyplot.
     """
-    x, y = _axes(dataset)
-    keys = [str(dataset[name].attrs["parameter"]) for name in dataset["error"].dims]
     given = {**paper_marks(dataset), **(marks or {})}
     caption = _caption(dataset, given)
     with style.page(height=100.0 + 3.6 * caption.count("\n"), width=style.COLUMN) as figure:
         ax = figure.subplots()
-        ax.set(xscale="log", yscale="log")
-        edges = _edges(x), _edges(y)
-        error = dataset["error"].values.T
-        colours = ax.pcolormesh(
-            *edges,
-            np.ma.masked_invalid(np.maximum(error, _SMALLEST / 10.0)),
-            norm=LogNorm(_SMALLEST, _LARGEST),
-            cmap=_COLOURS,
-        )
-        bar = figure.colorbar(colours, ax=ax, extend="both", pad=0.02)
-        bar.set_label("relative error of $Q$")
-        handles = [*_draw_contours(ax, dataset), *_draw_hatches(ax, dataset, edges)]
-        for name, mark in given.items():
-            _draw_mark(ax, name, mark)
-        ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
-        ax.set_xlabel(_LABELS.get(keys[0], keys[0]))
-        ax.set_ylabel(_LABELS.get(keys[1], keys[1]))
+        add_colour_bar(figure, draw_map(ax, dataset, given))
+        handles = legend_handles([dataset])
         columns = 4 if len(handles) <= 4 else 2
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
         figure.suptitle(caption, x=0.02, ha="left", fontsize=8.0)
     return figure
+
+
+def draw_map(
+    ax: Axes, dataset: Dataset, marks: Mapping[str, Mark], hatches: Mapping[str, str] | None = None
+) -> QuadMesh:
+    """Draw colours, contour lines, hatches and marks into a panel.
+
+    Parameters
+    ----------
+    ax : Axes
+        The panel.
+    dataset : xarray.Dataset
+        From `triboflux.suitability.suitability`.
+    marks : mapping of str to Mark
+        Points to be marked.
+    hatches : mapping of str to str, optional
+        Hatch by status, where several panels share one legend; from `hatches_of`.
+
+    Returns
+    -------
+    matplotlib.collections.QuadMesh
+        The colours, for `add_colour_bar`.
+    """
+    x, y = _axes(dataset)
+    keys = [str(dataset[name].attrs["parameter"]) for name in dataset["error"].dims]
+    ax.set(xscale="log", yscale="log")
+    edges = _edges(x), _edges(y)
+    error = dataset["error"].values.T
+    colours = ax.pcolormesh(
+        *edges,
+        np.ma.masked_invalid(np.maximum(error, _SMALLEST / 10.0)),
+        norm=LogNorm(_SMALLEST, _LARGEST),
+        cmap=_COLOURS,
+    )
+    _draw_contours(ax, dataset)
+    _draw_hatches(ax, dataset, edges, hatches or hatches_of([dataset]))
+    for name, mark in marks.items():
+        _draw_mark(ax, name, mark)
+    ax.set(xlim=edges[0][[0, -1]], ylim=edges[1][[0, -1]])
+    ax.set_xlabel(_LABELS.get(keys[0], keys[0]))
+    ax.set_ylabel(_LABELS.get(keys[1], keys[1]))
+    return colours
+
+
+def add_colour_bar(figure: Figure, colours: QuadMesh) -> None:
+    """Draw the scale of the error on the right of all panels.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    colours : matplotlib.collections.QuadMesh
+        From `draw_map`.
+    """
+    bar = figure.colorbar(colours, ax=figure.axes, extend="both", pad=0.02)
+    bar.set_label("relative error of $Q$")
+
+
+def hatches_of(datasets: Sequence[Dataset]) -> dict[str, str]:
+    """Return a hatch for every reason for which some point has no error.
+
+    Parameters
+    ----------
+    datasets : sequence of xarray.Dataset
+        From `triboflux.suitability.suitability`.
+    """
+    names = [name for dataset in datasets for name in reasons(dataset)]
+    found = dict.fromkeys(names)
+    return {name: _HATCHES[i % len(_HATCHES)] for i, name in enumerate(found)}
+
+
+def legend_handles(datasets: Sequence[Dataset]) -> list[Line2D | Patch]:
+    """Return the lines and the hatches of some maps, for a legend.
+
+    Parameters
+    ----------
+    datasets : sequence of xarray.Dataset
+        From `triboflux.suitability.suitability`.
+    """
+    lines: list[Line2D | Patch] = [
+        Line2D([], [], label=f"{level:.0%}", **_look(dashes)) for level, dashes in LEVELS.items()
+    ]
+    patches = [
+        Patch(facecolor=_PALE, edgecolor=style.GREY, hatch=hatch, label=_STATUS.get(name, name))
+        for name, hatch in hatches_of(datasets).items()
+    ]
+    return lines + patches
 
 
 def paper_marks(dataset: Dataset) -> dict[str, Mark]:
@@ -180,39 +251,36 @@ def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.exp(np.concatenate([[2 * logs[0] - inner[0]], inner, [2 * logs[-1] - inner[-1]]]))
 
 
-def _draw_contours(ax: Axes, dataset: Dataset) -> list[Line2D]:
-    """Draw the lines of equal error and return one of each for the legend."""
-    handles: list[Line2D] = []
+def _look(dashes: Any) -> dict[str, Any]:
+    return {"color": style.BLACK, "linestyle": dashes, "linewidth": 1.3}
+
+
+def _draw_contours(ax: Axes, dataset: Dataset) -> None:
+    """Draw the lines of equal error."""
     for level, dashes in LEVELS.items():
-        look: dict[str, Any] = {"color": style.BLACK, "linestyle": dashes, "linewidth": 1.3}
         for line in contour_lines(dataset, level):
             # light below dark, to be seen on any colour
             ax.plot(*line.T, color="white", linewidth=2.6, solid_capstyle="butt")
-            ax.plot(*line.T, **look)
-        handles.append(Line2D([], [], label=f"{level:.0%}", **look))
-    return handles
+            ax.plot(*line.T, **_look(dashes))
 
 
-def _draw_hatches(ax: Axes, dataset: Dataset, edges: tuple[Any, Any]) -> list[Patch]:
-    """Hatch the cells without an error, by reason, and return a patch of each for the legend."""
+def _draw_hatches(
+    ax: Axes, dataset: Dataset, edges: tuple[Any, Any], hatches: Mapping[str, str]
+) -> None:
+    """Hatch the cells without an error, by reason."""
     status = dataset["status"].values.T.astype(str)
-    handles: list[Patch] = []
-    for number, name in enumerate(_reasons(dataset)):
-        hatch = _HATCHES[number % len(_HATCHES)]
+    for name in reasons(dataset):
         there = np.ma.masked_where(status != name, np.ones(status.shape))
         cells = ax.pcolor(
             *edges,
             there,
             cmap=ListedColormap([_PALE]),
-            hatch=hatch,
+            hatch=hatches[name],
             linewidth=0.0,
             antialiased=False,
         )
         # snapped to pixels, neighbours leave no seam between them
         cells.set(edgecolor=style.GREY, label=name, snap=True)
-        label = _STATUS.get(name, name)
-        handles.append(Patch(facecolor=_PALE, edgecolor=style.GREY, hatch=hatch, label=label))
-    return handles
 
 
 def _draw_mark(ax: Axes, name: str, mark: Mark) -> None:
@@ -229,25 +297,41 @@ def _draw_mark(ax: Axes, name: str, mark: Mark) -> None:
     )
 
 
-def _reasons(dataset: Dataset) -> dict[str, int]:
-    """Return how many points have which status but ok, the most frequent first."""
+def reasons(dataset: Dataset) -> dict[str, int]:
+    """Return how many points have which status but ok, the most frequent first.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `triboflux.suitability.suitability`.
+    """
     found = Counter(str(text) for text in dataset["status"].values.ravel())
     del found["ok"]
     return dict(sorted(found.items(), key=lambda entry: (-entry[1], entry[0])))
 
 
+def counted(dataset: Dataset) -> str:
+    """Return how many points have no error for which reason, for a caption.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        From `triboflux.suitability.suitability`.
+    """
+    found = reasons(dataset)
+    told = ", ".join(f"{count} {_STATUS.get(name, name)}" for name, count in found.items())
+    share = sum(found.values()) / dataset["error"].size
+    return f"{told or 'none'} of {dataset['error'].size} points ({share:.0%})"
+
+
 def _caption(dataset: Dataset, marks: Mapping[str, Mark]) -> str:
     """Return what is shown, and how many points have no error for which reason."""
-    number = dataset["error"].size
     paragraphs = [
         f"{str(dataset.attrs['reduced']).capitalize()} against full model, "
         f"{dataset.attrs['closures']} closures: relative L2 error of the charge when the full "
         "model's peak has halved.",
     ]
-    reasons = _reasons(dataset)
-    if reasons:
-        told = ", ".join(f"{count} {_STATUS.get(name, name)}" for name, count in reasons.items())
-        share = sum(reasons.values()) / number
-        paragraphs.append(f"Hatched, without an error: {told} of {number} points ({share:.0%}).")
+    if reasons(dataset):
+        paragraphs.append(f"Hatched, without an error: {counted(dataset)}.")
     paragraphs += [f"{name}: {mark.told}" for name, mark in marks.items() if mark.told]
     return "\n".join(line for p in paragraphs for line in textwrap.wrap(p, _CAPTION_WIDTH))

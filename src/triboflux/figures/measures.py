@@ -169,3 +169,90 @@ def singular_share(profile: xr.Dataset) -> tuple[float, int]:
     length = len(profile["x"]) * float(profile["x"][1] - profile["x"][0])
     _, _, singular = broken_at_singularities(profile, length)
     return float((profile["variance"] < 0.0).mean()), len(singular)
+
+
+def limits(errors: xr.Dataset, level: float) -> NDArray[np.float64]:
+    """Return the collision time at which the error passes a level, for every Péclet number.
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        From `triboflux.suitability.suitability`, over Pe and tau_c.
+    level : float
+        The error.
+
+    Returns
+    -------
+    numpy.ndarray
+        Between two neighbours that both have an error, interpolated in logarithms as the chart's
+        lines are; nan where the level is not passed so.
+    """
+    tau_c = np.log(errors["tau_c"].values)
+    # an error may vanish, in logarithms it then is far below every level
+    excess = np.log(np.maximum(errors["error"].values, 1e-300)) - np.log(level)
+    found = np.full(len(excess), np.nan)
+    for i, row in enumerate(excess):
+        # no comparison with nan holds
+        passing = np.flatnonzero((row[:-1] <= 0.0) & (row[1:] > 0.0))
+        if len(passing):
+            j = passing[0]
+            part = row[j] / (row[j] - row[j + 1])
+            found[i] = np.exp(tau_c[j] + part * (tau_c[j + 1] - tau_c[j]))
+    return found
+
+
+def limit_at(errors: xr.Dataset, level: float, peclet: float) -> float:
+    """Return the collision time at which the error passes a level, at any Péclet number.
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        From `triboflux.suitability.suitability`, over Pe and tau_c.
+    level : float
+        The error.
+    peclet : float
+        The number; between two of the map interpolated in logarithms, nan if one has no limit.
+    """
+    places = np.log(errors["peclet"].values)
+    # at a place of the map itself a neighbour without limit shall not count
+    place, values = np.log(peclet), np.log(limits(errors, level))
+    exact = np.flatnonzero(np.isclose(places, place, rtol=1e-9))
+    return float(np.exp(values[exact[0]] if len(exact) else np.interp(place, places, values)))
+
+
+def suitable_until(errors: xr.Dataset, level: float) -> NDArray[np.float64]:
+    """Return the largest collision time of the map with at most some error, by Péclet number.
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        From `triboflux.suitability.suitability`, over Pe and tau_c.
+    level : float
+        The error.
+
+    Returns
+    -------
+    numpy.ndarray
+        One of the map's collision times; nan where there is none.
+    """
+    # no comparison with nan holds
+    good = errors["error"].values <= level
+    largest = np.where(good, errors["tau_c"].values, 0.0).max(axis=1)
+    return np.where(largest > 0.0, largest, np.nan)
+
+
+def nearest(errors: xr.Dataset, place: tuple[float, float]) -> xr.Dataset:
+    """Return the point of a map that is next to a place, in logarithms.
+
+    Parameters
+    ----------
+    errors : xarray.Dataset
+        From `triboflux.suitability.suitability`, over Pe and tau_c.
+    place : tuple of float
+        Péclet number and collision time.
+    """
+    indices = {
+        name: int(np.abs(np.log(errors[name].values / value)).argmin())
+        for name, value in zip(("peclet", "tau_c"), place, strict=True)
+    }
+    return errors.isel(indices)

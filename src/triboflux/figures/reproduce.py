@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from matplotlib.figure import Figure
 
 from triboflux.errors import InputError
-from triboflux.figures import budgets, closure, comparison, profiles, style
-from triboflux.figures.cases import CASE_OF_FIGURE, CLOSURES, Runs, paper_case
+from triboflux.figures import budgets, closure, comparison, profiles, regions, style
+from triboflux.figures.cases import CASE_OF_FIGURE, CLOSURES, MAP, Runs, paper_case
 from triboflux.files import require_writable, written_at_once
 from triboflux.result import Result
+from triboflux.sweep_runners import require_runner
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from triboflux.solve import Progress
+    from triboflux.sweep import SweepProgress
 
 SUMMARIES = ("summary.md", "summary.html")
 """The pages that set what the paper says beside what was measured."""
@@ -72,6 +74,15 @@ _CLOSURE = Kind(
 )
 
 
+_REGIONS = Kind(
+    regions.PARTS,
+    CLOSURES,
+    lambda _, runs: regions.regions(runs),
+    lambda _, data: regions.draw(data),
+    lambda data: list(data.values()),
+)
+
+
 def _comparison(number: int) -> Kind:
     return Kind(
         comparison.PARTS,
@@ -91,6 +102,7 @@ KINDS: dict[int, Kind] = {
     6: _CLOSURE,
     7: _comparison(7),
     8: _comparison(8),
+    MAP: _REGIONS,
 }
 """How each figure is made."""
 
@@ -107,11 +119,14 @@ class Reproduction:
         Of the figures; all of them by default.
     overwrite : bool
         Replace existing files.
+    workers : int, optional
+        Number of local processes for the maps of Fig. 9; one per usable core by default.
 
     Raises
     ------
     InputError
-        If there is no such figure, the folder is missing, or any of the files exists.
+        If there is no such figure or number of workers, the folder is missing, or any of the files
+        exists.
     """
 
     def __init__(
@@ -120,7 +135,9 @@ class Reproduction:
         numbers: Sequence[int] | None = None,
         *,
         overwrite: bool = False,
+        workers: int | None = None,
     ) -> None:
+        require_runner(workers, None)
         self.numbers = tuple(KINDS) if numbers is None else tuple(numbers)
         for number in self.numbers:
             if number not in KINDS:
@@ -128,7 +145,7 @@ class Reproduction:
                     "figure", f"is {number!r}, but must be one of {', '.join(map(str, KINDS))}"
                 )
         self._folder, self._overwrite = Path(folder), overwrite
-        self._runs = Runs()
+        self._runs = Runs(workers)
         self._data: dict[int, Any] = {}
         summaries = self._summaries if numbers is None else ()
         for path in (*(p for number in self.numbers for p in self.paths(number)), *summaries):
@@ -150,7 +167,9 @@ class Reproduction:
         return [self._folder / f"fig{number}{ending}" for ending in endings]
 
     def write(
-        self, number: int, on_progress: Callable[[Progress], None] | None = None
+        self,
+        number: int,
+        on_progress: Callable[[Progress | SweepProgress], None] | None = None,
     ) -> list[Path]:
         """Compute and draw a figure and write its files.
 
@@ -159,7 +178,8 @@ class Reproduction:
         number : int
             Of the figure.
         on_progress : Callable, optional
-            Called with a `triboflux.solve.Progress` of all runs of the figure together.
+            Called with the progress of all runs of the figure together, which is a
+            `triboflux.solve.Progress`, for Fig. 9 a `triboflux.sweep.SweepProgress`.
 
         Returns
         -------
@@ -230,20 +250,23 @@ def reproduce(
     folder: str | PathLike[str],
     *,
     overwrite: bool = False,
-    on_progress: Callable[[Progress], None] | None = None,
+    workers: int | None = None,
+    on_progress: Callable[[Progress | SweepProgress], None] | None = None,
 ) -> list[Path]:
     """Run the cases behind a figure of the paper with both closure sets, and draw it.
 
     Parameters
     ----------
     number : int
-        Of the figure, from 1 to 8.
+        Of the figure, from 1 to 9.
     folder : path-like
         An existing folder; see `Reproduction`.
     overwrite : bool
         Replace existing files.
+    workers : int, optional
+        See `Reproduction`.
     on_progress : Callable, optional
-        Called with a `triboflux.solve.Progress` of all runs together.
+        See `Reproduction.write`.
 
     Returns
     -------
@@ -253,8 +276,9 @@ def reproduce(
     Raises
     ------
     InputError
-        If there is no such figure, the folder is missing, or a file exists.
+        If there is no such figure or number of workers, the folder is missing, or a file exists.
     TribofluxError
         If a run fails or a file can't be written.
     """
-    return Reproduction(folder, [number], overwrite=overwrite).write(number, on_progress)
+    reproduction = Reproduction(folder, [number], overwrite=overwrite, workers=workers)
+    return reproduction.write(number, on_progress)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
-from triboflux.figures.cases import CLOSURES, FREQUENT, PAPER_TIMES, RARE
+from triboflux.figures.cases import CLOSURES, FREQUENT, MAP, PAPER_TIMES, RARE
 from triboflux.figures.comparison import MODELS, Comparison
+from triboflux.figures.findings import PERFECT, Finding, Statement, each, percent
 from triboflux.figures.measures import (
     distances,
     end,
@@ -18,6 +19,7 @@ from triboflux.figures.measures import (
     sizes,
     unrealizable,
 )
+from triboflux.figures.region_statements import of_the_regions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,54 +30,10 @@ if TYPE_CHECKING:
 TIMES_AGREE = 0.05
 """Relative difference up to which a time is called the paper's, which gives two digits."""
 
-PERFECT = 0.01
-"""Relative difference of every field up to which a match is called perfect."""
-
 NEGLIGIBLE = 0.01
 """Part of the largest term below which a term is called negligible."""
 
 _MOMENTS = ("charge", "covariance", "variance")
-
-
-class Finding(NamedTuple):
-    """What was measured with one closure set.
-
-    Attributes
-    ----------
-    agrees : bool or None
-        Whether the paper's statement holds; None where it makes none.
-    measured : str
-        Numbers.
-    """
-
-    agrees: bool | None
-    measured: str
-
-
-class Statement(NamedTuple):
-    """A statement, and what was measured about it.
-
-    Attributes
-    ----------
-    paper : str
-        What the paper says, in other words, and how agreement is decided.
-    findings : dict of str to Finding
-        By closure set.
-    """
-
-    paper: str
-    findings: dict[str, Finding]
-
-
-def _each(paper: str, finding: Callable[[str], Finding]) -> Statement:
-    return Statement(paper, {closures: finding(closures) for closures in CLOSURES})
-
-
-def _percent(part: float) -> str:
-    """Return a ratio as percents with two digits."""
-    if part < 1e-12:
-        return "round-off"
-    return f"{100 * part:.3g} %" if part >= 1e-4 else f"{100 * part:.1e} %"
 
 
 # ------------------------------------------------------------------ Figs. 1-3
@@ -92,7 +50,7 @@ def _of_profiles(case: int, data: dict[int, Any]) -> list[Statement]:
 
     def sine(closures: str) -> Finding:
         off = harmonics(results[closures])
-        return Finding(off > 0.05, f"up to {_percent(off)} of the peak away from its fundamental")
+        return Finding(off > 0.05, f"up to {percent(off)} of the peak away from its fundamental")
 
     def maxima(closures: str) -> Finding:
         places = [places_of_maxima(results[closures], name) for name in ("variance", "covariance")]
@@ -107,25 +65,25 @@ def _of_profiles(case: int, data: dict[int, Any]) -> list[Statement]:
         )
 
     statements = [
-        _each(
+        each(
             f"The largest charge has halved at t* ≈ {PAPER_TIMES[case]} "
-            f"(agrees within {_percent(TIMES_AGREE)}).",
+            f"(agrees within {percent(TIMES_AGREE)}).",
             time,
         ),
-        _each(
+        each(
             "The charge profile is far from the sine wave of earlier models "
             "(agrees if the higher harmonics exceed 5 % of the peak).",
             sine,
         ),
-        _each("The variance has two maxima, where the covariance is largest.", maxima),
-        _each(
+        each("The variance has two maxima, where the covariance is largest.", maxima),
+        each(
             "Not discussed: any distribution of charges obeys covariance² ≤ variance V "
             "(scaled by the granular temperature).",
             realizable,
         ),
     ]
     if case == RARE:
-        statements.append(_each(*_growth_of_covariance(data)))
+        statements.append(each(*_growth_of_covariance(data)))
     return statements
 
 
@@ -155,7 +113,7 @@ def _of_the_gradient_model(data: dict[int, Any]) -> list[Statement]:
         full, reduced = (harmonics(r) for r in pairs[closures][:2])
         return Finding(
             reduced < NEGLIGIBLE < full,
-            f"higher harmonics {_percent(reduced)} of its peak; full model {_percent(full)}",
+            f"higher harmonics {percent(reduced)} of its peak; full model {percent(full)}",
         )
 
     def early(closures: str) -> Finding:
@@ -169,14 +127,14 @@ def _of_the_gradient_model(data: dict[int, Any]) -> list[Statement]:
         return Finding(reduced < full, f"at t* = {time:.4g}: {reduced:.4g} against {full:.4g}")
 
     return [
-        _each("The gradient model has the lower peak charge at the same time.", peak),
-        _each(
+        each("The gradient model has the lower peak charge at the same time.", peak),
+        each(
             "Its profile is like a trigonometric function, that of the full model is not "
-            f"(agrees if its higher harmonics stay below {_percent(NEGLIGIBLE)}).",
+            f"(agrees if its higher harmonics stay below {percent(NEGLIGIBLE)}).",
             sine,
         ),
-        _each("It can overestimate the covariance at the beginning.", early),
-        _each("It underestimates the covariance later.", late),
+        each("It can overestimate the covariance at the beginning.", early),
+        each("It underestimates the covariance later.", late),
         *_own_time(pairs, "gradient"),
     ]
 
@@ -186,7 +144,7 @@ def _own_time(pairs: dict[str, Comparison], model: str) -> list[Statement]:
         full, own = end(pairs[closures].full), end(pairs[closures].halved)
         return Finding(None, f"at {own:.5g}, full model at {full:.5g}")
 
-    return [_each(f"Not given: when the {model} model's own peak charge has halved.", halved)]
+    return [each(f"Not given: when the {model} model's own peak charge has halved.", halved)]
 
 
 # ------------------------------------------------------------------ Figs. 4-6
@@ -214,7 +172,7 @@ def _of_budgets(number: int, data: dict[int, Any]) -> list[Statement]:
         terms = size[closures]["covariance"]
         ratio = terms["production"] / max(terms["electric force"], terms["destruction"])
         return Finding(
-            0.0 < ratio < 0.5, f"{_percent(ratio)} of the larger of electric force and destruction"
+            0.0 < ratio < 0.5, f"{percent(ratio)} of the larger of electric force and destruction"
         )
 
     def transient(closures: str) -> Finding:
@@ -222,7 +180,7 @@ def _of_budgets(number: int, data: dict[int, Any]) -> list[Statement]:
         ratios = [terms[n] / max(terms.values()) for n in ("time derivative", "dispersion")]
         small = max(ratios) < NEGLIGIBLE if frequent else min(ratios) > NEGLIGIBLE
         return Finding(
-            small, f"time derivative {_percent(ratios[0])}, dispersion {_percent(ratios[1])}"
+            small, f"time derivative {percent(ratios[0])}, dispersion {percent(ratios[1])}"
         )
 
     def variance(closures: str) -> Finding:
@@ -238,23 +196,21 @@ def _of_budgets(number: int, data: dict[int, Any]) -> list[Statement]:
         return Finding(None, f"{', '.join(told)} of the largest term")
 
     small = "are negligible" if frequent else "are relevant"
-    limit = f"{'below' if frequent else 'above'} {_percent(NEGLIGIBLE)} of the largest term"
+    limit = f"{'below' if frequent else 'above'} {percent(NEGLIGIBLE)} of the largest term"
     statements = [
-        _each("Kinetic transport dominates the charge (agrees if over ten times).", transport),
-        _each("The electric force contributes most to the covariance.", force),
-        _each("Production by the charge gradient is small (agrees below one half).", production),
-        _each(f"Time derivative and dispersion of the covariance {small} ({limit}).", transient),
-        _each(
+        each("Kinetic transport dominates the charge (agrees if over ten times).", transport),
+        each("The electric force contributes most to the covariance.", force),
+        each("Production by the charge gradient is small (agrees below one half).", production),
+        each(f"Time derivative and dispersion of the covariance {small} ({limit}).", transient),
+        each(
             "Production by covariance and charge gradient, and kinetic dispersion, stand out in "
             "the variance.",
             variance,
         ),
-        _each("Check: the sum of the terms against a difference of outputs.", balance),
+        each("Check: the sum of the terms against a difference of outputs.", balance),
     ]
     return (
-        statements
-        if frequent
-        else [*statements[:1], _each(*_growth_of_flux(data)), *statements[1:]]
+        statements if frequent else [*statements[:1], each(*_growth_of_flux(data)), *statements[1:]]
     )
 
 
@@ -275,7 +231,7 @@ def _of_the_initial_variance(data: dict[int, Any]) -> list[Statement]:
             profile = starts[f"{letter}_{closures}"].profile
             negative, singular = singular_share(profile)
             least, most = float(profile["variance"].min()), float(profile["variance"].max())
-            told = f"negative in {_percent(negative)} of the box, singular at {singular} places"
+            told = f"negative in {percent(negative)} of the box, singular at {singular} places"
             bounded = f"regular; between {least:.2g} and {most:.3g}"
             return Finding(negative > 0.0, told if singular or negative else bounded)
 
@@ -285,8 +241,8 @@ def _of_the_initial_variance(data: dict[int, Any]) -> list[Statement]:
 
         where = f"({letter}), τ_c* = {tau_c}:"
         statements += [
-            _each(f"{where} the algebraic variance is negative or singular at the start.", sign),
-            _each(f"{where} the algebraic model can't be run.", run),
+            each(f"{where} the algebraic variance is negative or singular at the start.", sign),
+            each(f"{where} the algebraic model can't be run.", run),
         ]
     return statements
 
@@ -301,7 +257,7 @@ def _of_the_semi_algebraic_model(number: int, data: dict[int, Any]) -> list[Stat
         found = distances(pairs[closures].reduced, pairs[closures].full)
         worst = max(d.largest for d in found.values())
         told = ", ".join(
-            f"{name} {_percent(d.largest)} / {_percent(d.mean_square)}" for name, d in found.items()
+            f"{name} {percent(d.largest)} / {percent(d.mean_square)}" for name, d in found.items()
         )
         return Finding(worst < PERFECT if number == 7 else worst > 0.1, told)
 
@@ -322,20 +278,20 @@ def _of_the_semi_algebraic_model(number: int, data: dict[int, Any]) -> list[Stat
     norms = "largest difference / L2 norm of the difference, relative to the full model"
     judged = (
         f"It matches the full model perfectly (agrees if all fields do within "
-        f"{_percent(PERFECT)}; {norms})."
+        f"{percent(PERFECT)}; {norms})."
         if number == 7
         else f"It fails (agrees if any field is off by more than 10 %; {norms})."
     )
     statements = [
-        _each(judged, distance),
-        _each(
+        each(judged, distance),
+        each(
             "It gives physical results at all times (agrees if the variance never is negative).",
             physical,
         ),
         *_own_time(pairs, MODELS[number]),
     ]
     if number == 8:
-        statements.insert(1, _each("It overestimates the transport of charge.", peak))
+        statements.insert(1, each("It overestimates the transport of charge.", peak))
     return statements
 
 
@@ -348,6 +304,7 @@ _HEADINGS = {
     6: "Initial variance of the algebraic model",
     7: "Full and semi-algebraic model, τ_c* = 10⁻⁴",
     8: "Full and semi-algebraic model, τ_c* = 0.1",
+    MAP: "Where the semi-algebraic model is good enough",
 }
 
 
@@ -380,4 +337,6 @@ def statements(number: int, data: dict[int, Any]) -> list[Statement]:
         return _of_budgets(number, data)
     if number == 6:
         return _of_the_initial_variance(data)
+    if number == MAP:
+        return of_the_regions(data)
     return _of_the_semi_algebraic_model(number, data)
