@@ -159,6 +159,10 @@ def test_scales_are_those_of_the_documentation():
         "variance": CHARGE**2,
         "field": field,
         "potential": field * LENGTH,
+        "number_density": n,
+        "temperature": VELOCITY**2,
+        "covariance_flux": CHARGE * VELOCITY**2,
+        "variance_flux": CHARGE**2 * VELOCITY,
     }
     assert vars(scales) == pytest.approx(expected, rel=1e-14, abs=0.0)
 

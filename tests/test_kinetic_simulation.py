@@ -97,6 +97,25 @@ def test_a_thermostat_holds_fixed_what_it_says(thermostat):
     assert (speed > 0.1) == (thermostat == "none")
 
 
+@pytest.mark.parametrize(("restitution", "tau_p"), [(0.6, math.inf), (1.0, 0.1)])
+def test_random_forces_return_what_collisions_and_drag_take(restitution, tau_p):
+    """They leave the covariance to decay as at a fixed temperature; scaling would not."""
+    still = {
+        "covariance": [{"component": 0, "mode": [0], "cosine": 0.9}],
+        "variance": [{"mode": [0], "cosine": 1.0}],
+    }
+    options = {"particles": 100_000, "ensembles": 8}
+    numbers = {"restitution": restitution, "tau_p": tau_p, "energy_ratio": 0.0, "tau_c": 0.1}
+    case = small_case(options, {"t_end": 0.1, "outputs": 2}, still, **numbers)
+    found = tbf.simulate(case).dataset
+    covariance = found["covariance"].mean("x").values[:, 0]
+    rate = math.log(covariance[0] / covariance[-1]) / 0.1
+    # the rate (1+e)/(3 tau_c) + 1/tau_p is the initial one; later decay is a few per cent slower
+    expected = (1.0 + restitution) / 0.3 + 1.0 / tau_p
+    assert rate == pytest.approx(expected, rel=0.03)
+    assert float(found["granular_temperature"].isel(time=-1).mean()) == pytest.approx(1.0, abs=0.01)
+
+
 def test_the_number_of_threads_does_not_matter_but_the_seed_does():
     one = tbf.simulate(small_case(), workers=1).dataset
     three = tbf.simulate(small_case(), workers=3).dataset

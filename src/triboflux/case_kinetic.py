@@ -31,9 +31,10 @@ class Kinetic(InputModel):
     mean_field : bool
         Accelerate particles by the electric field of all of them.
     thermostat : str
-        ``"full"``: the local mean velocity is removed and the granular temperature brought back to
-        its initial value after each step, which is what the models assume; ``"mean-velocity"``:
-        only the former; ``"none"``: particles are free.
+        ``"full"`` holds fixed what the models hold fixed: the local mean velocity is removed after
+        each step, energy lost by collisions and drag is returned by random forces that know nothing
+        of charges, and energy gained from the field is taken away by scaling velocities.
+        ``"mean-velocity"``: only the mean velocity is removed. ``"none"``: particles are free.
     dilute : bool
         Let particles collide at one place instead of a diameter apart.
     """

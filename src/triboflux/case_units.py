@@ -20,6 +20,7 @@ _PLACES = (
     ("initial", "charge", "charge"),
     ("initial", "covariance", "covariance"),
     ("initial", "variance", "variance"),
+    ("kinetic", "time_step", "time"),
 )
 """Where a text with a unit may stand: table, key, name of the scale."""
 _LISTS = ("lengths", "outputs")

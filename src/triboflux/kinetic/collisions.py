@@ -59,6 +59,30 @@ def _field_at(field: Any, position: float, cells: int) -> float:
 
 
 @compiled
+def agitate(particles: Any, generator: Any, variance: float) -> None:
+    """Add independent normal numbers of a variance to all velocities (Box & Muller 1958).
+
+    Parameters
+    ----------
+    particles : numpy.ndarray
+        They are changed.
+    generator : numpy.ndarray
+        Four 64-bit words; they are changed.
+    variance : float
+        Of each component, scaled by Θ.
+    """
+    a, b, c, d = generator
+    for p in particles:
+        for axis in range(1, 4):
+            bits, a, b, c, d = _draw(a, b, c, d)
+            # from 1 down to 2^-32, of which there is a logarithm
+            radius = math.sqrt(-2.0 * variance * math.log(1.0 - _pair(bits, 1)[1]))
+            angle = 2.0 * math.pi * np.int64(bits >> _HALF) * _TO_UNIT
+            p[axis] += radius * math.cos(angle)
+    generator[0], generator[1], generator[2], generator[3] = a, b, c, d
+
+
+@compiled
 def _square(p: Any) -> float:
     return p[1] * p[1] + p[2] * p[2] + p[3] * p[3]
 
@@ -142,16 +166,16 @@ def collide(
     Returns
     -------
     tuple of int and float
-        Number of collisions, and largest probability of an acceptance.
+        Number of collisions, largest probability of an acceptance, and by how much the sum of all
+        squared velocities fell.
     """
     diameter = law[0]
     a, b, c, d = generator
     cells = start.size - 1
-    most = 0
-    for cell in range(cells):
-        most = max(most, start[cell + 1] - start[cell])
+    most = np.max(start[1:] - start[:-1])
     density = rate * time * most * cells / particles.shape[0]
-    collisions, largest = 0, 0.0
+    collisions, largest, lost = 0, 0.0, 0.0
+    loss = 0.5 * (1.0 - law[1] * law[1])
     for step in range(cells):
         own = step if forward else cells - 1 - step
         first = start[own]
@@ -188,6 +212,7 @@ def collide(
                 continue
             largest = max(largest, others * approach / bound)
             collisions += 1
+            lost += loss * approach * approach
             pull = _field_at(field, contact, cells) * k[0] if law[3] > 0.0 else 0.0
             _hit(p, q, k, approach, pull, law)
             # the bound on the speed follows, and with it the number of candidates left
@@ -196,4 +221,4 @@ def collide(
                 left, a, b, c, d = _rounded(left * math.sqrt(square / fastest), a, b, c, d)
                 fastest = square
     generator[0], generator[1], generator[2], generator[3] = a, b, c, d
-    return collisions, largest
+    return collisions, largest, lost

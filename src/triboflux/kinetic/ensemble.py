@@ -20,7 +20,7 @@ from triboflux.kinetic.cells import (
     sort,
     thermostat,
 )
-from triboflux.kinetic.collisions import collide
+from triboflux.kinetic.collisions import agitate, collide
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _FEWEST_IN_CELL = 20
 _CELLS_IN_DIAMETER = 8
 _CELLS_IN_DILUTE_BOX = 128
+_NO_FIELD = np.zeros(2)
 _COLLISIONS_IN_STEP, _PATH_IN_STEP, _SWING_IN_STEP = 0.25, 0.02, 0.1
 
 
@@ -191,36 +192,49 @@ class Ensemble:
         time_step : float
             Of each, scaled by L/√Θ.
         """
-        p = self.parameters
-        half = 0.5 * time_step / p.length
-        law = (p.diameter, p.restitution, p.charge_transfer, p.field_transfer, p.exponent)
-        rate = 0.25 * math.sqrt(math.pi) * p.collision_rate
-        forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
-        field = np.zeros(p.cells + 1)
+        half = 0.5 * time_step / self.parameters.length
         for _ in range(steps):
             move(self.particles, half)
             self._sort()
-            if forced or p.field_transfer > 0.0:
-                field = self._accelerate(0.5 * time_step)
-            if rate > 0.0:
-                number, largest = collide(
-                    self.particles,
-                    self._start,
-                    self.generator,
-                    field,
-                    time_step,
-                    rate,
-                    law,
-                    self.steps % 2 == 0,
-                )
-                self.collisions += number
-                self.largest_probability = max(self.largest_probability, largest)
-            if forced:
-                self._accelerate(0.5 * time_step)
-            if p.thermostat != "none" and (forced or p.restitution < 1.0):
-                thermostat(self.particles, self._start, p.points, p.thermostat == "full")
+            self._interact(time_step)
             move(self.particles, half)
             self.steps += 1
+
+    def _interact(self, time: float) -> None:
+        """Accelerate, collide, accelerate, and hold fixed what the thermostat says."""
+        p, half = self.parameters, 0.5 * time
+        warm = p.thermostat == "full"
+        forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
+        field = self._accelerate(half) if forced or p.field_transfer > 0.0 else _NO_FIELD
+        # What collisions and drag take, random forces give back, which know nothing of charges:
+        # half of it before collisions, as far as it is known then, so that these see the right Θ.
+        of_drag = -math.expm1(-2.0 * half * p.drag_rate)
+        expected = (1.0 - p.restitution**2) * p.collision_rate * half / 3.0
+        self._agitate(warm * (of_drag + expected))
+        lost = self._collide(time, field) if p.collision_rate > 0.0 else 0.0
+        if forced:
+            self._accelerate(half)
+        self._agitate(warm * (of_drag + lost / (3.0 * len(self.particles)) - expected))
+        if p.thermostat != "none" and (forced or p.restitution < 1.0):
+            # what the field gives is taken away
+            thermostat(self.particles, self._start, p.points, warm and p.energy_ratio > 0.0)
+
+    def _agitate(self, variance: float) -> None:
+        if variance > 0.0:
+            agitate(self.particles, self.generator, variance)
+
+    def _collide(self, time: float, field: NDArray[np.float64]) -> float:
+        """Let particles collide and return the loss of the sum of their squared velocities."""
+        p = self.parameters
+        law = (p.diameter, p.restitution, p.charge_transfer, p.field_transfer, p.exponent)
+        rate = 0.25 * math.sqrt(math.pi) * p.collision_rate
+        forward = self.steps % 2 == 0
+        number, largest, lost = collide(
+            self.particles, self._start, self.generator, field, time, rate, law, forward
+        )
+        self.collisions += number
+        self.largest_probability = max(self.largest_probability, largest)
+        return lost
 
     def sums(self) -> NDArray[np.float64]:
         """Return counts, means and products of deviations, of shape ``(len(SUMS), points)``."""
