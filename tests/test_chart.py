@@ -1,18 +1,32 @@
 """The chart of a reduced model's error: what is drawn, and the command."""
 
+import os
+import signal
+import subprocess
+import time
+
 import numpy as np
 import pytest
+import zarr
 from matplotlib.collections import PolyCollection
 
 from tests.maps import pretended, small, smooth
 from tests.powders import POWDER, TOML
-from tests.processes import triboflux
-from triboflux import numbers
+from tests.processes import command, surroundings, triboflux
+from triboflux import numbers, suitability_output
 from triboflux.case import Case
+from triboflux.errors import InputError
 from triboflux.figures import chart
 from triboflux.figures.chart import Mark, chart_figure, contour_lines
-from triboflux.suitability import OUTSIDE, load
-from triboflux.suitability_output import NAMES, nearest_point, summary
+from triboflux.suitability import OUTSIDE, chart_axes, load, suitability
+from triboflux.suitability_output import (
+    NAMES,
+    Options,
+    axes_of,
+    nearest_point,
+    position,
+    summary,
+)
 from triboflux.suspension import Suspension
 
 MAIN = "from triboflux.cli import main; main()"
@@ -119,6 +133,69 @@ def test_the_nearest_point_is_told():
     assert nearest_point(made, powder(solid_fraction=1e-9)).endswith(", outside the chart")
 
 
+def test_a_suspension_is_marked_in_any_plane_of_numbers():
+    axes = ("numbers.restitution", [0.5, 0.9, 1.0]), ("numbers.length_ratio", [10.0, 1e3, 1e4])
+    made = pretended([[0.1, 0.2, 0.3]] * 3, axes=axes)
+    found = numbers.from_suspension(powder(), "published")
+    assert position(made, powder()) == (found.restitution, found.length_ratio)
+    told = f"the suspension has e = {found.restitution:.3g} and L/d = {found.length_ratio:.3g}; "
+    assert nearest_point(made, powder()).startswith(told)
+    other = pretended([[0.1, 0.2, 0.3]] * 3, axes=(("exponent", [0.5, 0.8, 1.0]), axes[1]))
+    with pytest.raises(InputError, match=r"^suspension can't be marked where 'exponent'"):
+        position(other, powder())
+
+
+def test_axes_of_the_command_line():
+    usual = axes_of((None, None), 5)
+    assert usual == chart_axes(5)
+    first, second = axes_of(("numbers.energy_ratio=1:1e4", "numbers.restitution=0.8,0.9,1"), 5)
+    assert first == ("numbers.energy_ratio", [1.0, 10.0, 100.0, 1000.0, 1e4])
+    assert second == ("numbers.restitution", [0.8, 0.9, 1.0])
+
+
+def command_options(folder, **changes):
+    """Return what the command line says, for a case of the paper in a small plane."""
+    given = {
+        "output": folder / "out",
+        "case_file": None,
+        "reduced": "semi-algebraic",
+        "closures": None,
+        "points": 3,
+        "axes": (None, None),
+        "suspension": None,
+        "workers": 2,
+        "retry": False,
+        "overwrite": False,
+        "quiet": True,
+    }
+    return Options(**(given | changes))
+
+
+@pytest.mark.parametrize(
+    ("axes", "frozen"),
+    [
+        ((None, "numbers.restitution=0.8:1"), True),
+        (("suspension.diameter=1e-4:1e-3", "suspension.solid_fraction=0.1:0.5"), False),
+    ],
+)
+def test_a_suspension_varies_only_if_it_is_asked_to(tmp_path, monkeypatch, axes, frozen):
+    asked = []
+
+    def pretend(case, reduced, axes, **options):
+        asked.append((case, options))
+        return pretended(np.full((3, 3), 0.1), axes=axes)
+
+    monkeypatch.setattr(suitability_output, "suitability", pretend)
+    (tmp_path / "case.toml").write_text(TOML)
+    options = command_options(tmp_path, case_file=tmp_path / "case.toml", axes=axes, retry=True)
+    suitability_output.command(options)
+    ((case, given),) = asked
+    assert given["retry"] is True
+    assert (case.suspension is None) is frozen
+    assert case.numbers == Case.from_toml_text(TOML).numbers
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted([*NAMES, "runs"])
+
+
 def test_summary_counts():
     errors = [[0.01, 0.04, np.nan], [0.2, 0.001, 0.09], [np.nan] * 3]
     first, second = summary(pretended(errors))
@@ -134,6 +211,18 @@ def test_summary_counts():
         (["--points", "1"], "points is 1, but must be at least 2"),
         (["--suspension", "none.toml"], "none.toml"),
         (["none.toml"], "none.toml"),
+        (["--workers", "0"], "workers is 0, but must be from 1 to"),
+        (["--x", "numbers.peclet"], "x is 'numbers.peclet', but must be KEY=FIRST:LAST"),
+        (["--x", "numbers.peclet=1:2:3"], "must be KEY=FIRST:LAST or KEY=VALUE,VALUE"),
+        (["--y", "numbers.tau_c=1e-2:1e-3"], "its ends must be positive, finite and increasing"),
+        (["--y", "numbers.tau_c=2,1"], "at least two values, positive, finite and increasing"),
+        (["--y", "numbers.tauc=1:2"], "is not a known key"),
+        (["--x", "numbers.tau_c=1:2"], "axes must be two different keys"),
+        (["--x", "run.rtol=1e-8:1e-6"], "axes is 'run.rtol', but must be a number of"),
+        (
+            ["--y", "exponent=0.5:1", "--suspension", "powder.toml"],
+            "only in a plane of two numbers",
+        ),
         (["-o", "a/b"], "output folder 'a' does not exist"),
         (["-o", "full"], "'full/chart.pdf' exists and is replaced only with --overwrite"),
     ],
@@ -141,6 +230,7 @@ def test_summary_counts():
 def test_command_refuses(tmp_path, arguments, words):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "chart.pdf").touch()
+    (tmp_path / "powder.toml").write_text(TOML)
     output = [] if "-o" in arguments else ["-o", "out"]
     done = triboflux("chart", *arguments, *output, folder=tmp_path)
     assert done.returncode == 1, done.stderr
@@ -174,3 +264,43 @@ def test_command_writes_all_files_and_resumes(tmp_path):
     assert again.stdout == done.stdout
     assert sorted((out / "runs").rglob("*")) == before
     assert load(out / "chart.nc").identical(made)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="needs POSIX signals")
+def test_killed_chart_goes_on_to_the_same_map(tmp_path):
+    # runs of many steps, for the chart to last several seconds on a fast machine too
+    case = small(run__rtol=1e-12)
+    (tmp_path / "case.toml").write_text(case.to_toml())
+    plane = ["--x", "numbers.peclet=1e6:1e8", "--y", "numbers.tau_c=1e-3:1e-2", "--points", "4"]
+    arguments = ["chart", "case.toml", *plane, "--workers", "1", "-o", "out"]
+    process = subprocess.Popen(
+        command(*arguments, code=MAIN), cwd=tmp_path, env=surroundings(), stderr=subprocess.PIPE
+    )
+    runs, patience = tmp_path / "out" / "runs", time.monotonic() + 60
+
+    def recorded():
+        """Return how many members each store has."""
+        return {
+            store.name: int((zarr.open_group(store, mode="r")["status"][...] != "").sum())
+            for store in runs.glob("*-*.zarr")
+        }
+
+    while not any(recorded().values()):
+        assert process.poll() is None
+        assert time.monotonic() < patience
+        time.sleep(0.05)
+    process.kill()
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    ((name, kept),) = recorded().items()
+    assert name.startswith("full-")
+    assert 0 < kept < 16
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["runs"]
+    done = triboflux(*arguments, folder=tmp_path, code=MAIN)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "whole").mkdir()
+    axes = axes_of((plane[1], plane[3]), 4)
+    whole = suitability(case, axes=axes, store_folder=tmp_path / "whole", workers=2)
+    assert load(tmp_path / "out" / "chart.nc").identical(whole)
+    assert set(whole["status"].values.ravel()) == {"ok"}

@@ -109,8 +109,9 @@ def test_other_ends_of_runs_have_their_own_status(tmp_path, monkeypatch):
     }
     asked = []
 
-    def pretend(members, store, **_):
+    def pretend(members, store, **options):
         asked.append(members)
+        assert options["retry"] is True
         status = endings[members.case["model"]]
         assert members.size == len(status)
         values = {
@@ -123,7 +124,7 @@ def test_other_ends_of_runs_have_their_own_status(tmp_path, monkeypatch):
 
     monkeypatch.setattr(suitability_module, "sweep", pretend)
     axes = ("numbers.peclet", [1e6, 1e7]), ("numbers.tau_c", [1e-3, 1e-2])
-    made = suitability(small(run__t_end=7.0), "algebraic", axes, store_folder=tmp_path)
+    made = suitability(small(run__t_end=7.0), "algebraic", axes, store_folder=tmp_path, retry=True)
     status, reason = made["status"].values.ravel(), made["reason"].values.ravel()
     assert list(status) == ["reduced nonphysical", NOT_HALVED, "refused", "diverged"]
     assert list(reason[[0, 2, 3]]) == [f"{name} as it is" for name in ("nonphysical", *status[2:])]

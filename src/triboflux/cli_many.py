@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet, Workers
+from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet, Retry, Workers
 
 commands = typer.Typer()
 """They become commands of the program itself."""
@@ -27,7 +27,7 @@ def sweep(
         str | None,
         typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers compute."),
     ] = None,
-    retry: Annotated[bool, typer.Option("--retry", help="Run failed members again.")] = False,
+    retry: Retry = False,
     quiet: Quiet = False,
 ) -> None:
     """Run many cases into one store; the same command goes on where it was interrupted.
@@ -65,15 +65,27 @@ def chart(
         ),
     ] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Points along each axis.")] = 32,
+    x: Annotated[
+        str | None,
+        typer.Option(
+            "--x",
+            metavar="KEY=FIRST:LAST",
+            help="First number, such as numbers.peclet=1e2:1e8, or a list of its values: KEY=A,B,C",
+        ),
+    ] = None,
+    y: Annotated[
+        str | None, typer.Option("--y", metavar="KEY=FIRST:LAST", help="Second number.")
+    ] = None,
     suspension: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Mark the suspension of this file in the chart."),
     ] = None,
     workers: Workers = None,
+    retry: Retry = False,
     overwrite: Overwrite = False,
     quiet: Quiet = False,
 ) -> None:
-    """Draw where a reduced model is good enough, over Pe and tau_c.
+    """Draw where a reduced model is good enough, over Pe and tau_c or two other numbers.
 
     Writes chart.png, chart.pdf and chart.nc, and keeps the runs in DIR/runs: the same command goes
     on where it was interrupted. Exit code 0: written. 1: refused, or stopped by a failure. 2: wrong
@@ -82,5 +94,17 @@ def chart(
     from triboflux.suitability_output import Options, command
 
     command(
-        Options(output, case_file, reduced, closures, points, suspension, workers, overwrite, quiet)
+        Options(
+            output=output,
+            case_file=case_file,
+            reduced=reduced,
+            closures=closures,
+            points=points,
+            axes=(x, y),
+            suspension=suspension,
+            workers=workers,
+            retry=retry,
+            overwrite=overwrite,
+            quiet=quiet,
+        )
     )

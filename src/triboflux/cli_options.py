@@ -11,6 +11,7 @@ EXIT_NOT_OK = 3
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing output.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Retry = Annotated[bool, typer.Option("--retry", help="Run failed members again.")]
 Workers = Annotated[
     int | None, typer.Option(metavar="N", help="Local processes; one per core if absent.")
 ]

@@ -118,6 +118,7 @@ def suitability(
     *,
     store_folder: str | PathLike[str],
     workers: int | None = None,
+    retry: bool = False,
     on_progress: Callable[[SweepProgress], None] | None = None,
 ) -> xr.Dataset:
     """Return the error of a reduced model against the full one over two numbers of a case.
@@ -145,6 +146,9 @@ def suitability(
         interrupted, and other models over the same points find the full model's runs there.
     workers : int, optional
         Number of local processes; one per usable core by default.
+    retry : bool
+        Run those of an earlier call again that failed, by an exception or the death of their
+        process.
     on_progress : Callable, optional
         Called with a `SweepProgress` of both sweeps together.
 
@@ -166,14 +170,13 @@ def suitability(
     require_reduced(reduced)
     folder = Path(store_folder)
     require_folder(folder)
-    grid = Sweep(case=_tables(case), parameters=_parameters(axes or chart_axes(32)))
-    stop = _HALF * _initial_peak(case)
+    grid, stop = require_plane(case, axes or chart_axes(32))
     points = [_outside(grid.table(index)) for index in range(grid.size)]
     inside = [index for index, point in enumerate(points) if point.status == "ok"]
     report = _progress_of_two(on_progress, len(inside))
 
     run = {"model": "full", "run": {"stop_at_peak_charge": stop}}
-    full = _run(grid, inside, run, {}, folder / "full", workers, report)
+    full = _run(grid, inside, run, {}, folder / "full", workers, retry, report)
     reached: dict[int, int] = {}
     for place, index in enumerate(inside):
         points[index] = point = _Point.of(full, place)
@@ -185,7 +188,7 @@ def suitability(
     report = _progress_of_two(on_progress, len(reached), len(inside))
     times = {"run.t_end": [points[index].stop_time for index in reached]}
     run = {"model": reduced}
-    other = _run(grid, list(reached), run, times, folder / reduced, workers, report)
+    other = _run(grid, list(reached), run, times, folder / reduced, workers, retry, report)
     for place, (index, of_full) in enumerate(reached.items()):
         point = _Point.of(other, place)
         if point.status != "ok":
@@ -201,6 +204,30 @@ def suitability(
 def require_reduced(name: str) -> None:
     """Refuse what is no reduced model; raises InputError."""
     require_one_of("reduced", name, REDUCED)
+
+
+def require_plane(case: Case, axes: Sequence[tuple[str, Sequence[float]]]) -> tuple[Sweep, float]:
+    """Return the points of a plane and where the full model's runs stop, or refuse the plane.
+
+    Parameters
+    ----------
+    case : Case
+        Everything else.
+    axes : pair of (str, sequence of float)
+        See `suitability`.
+
+    Returns
+    -------
+    tuple of Sweep and float
+        The points, and half of the largest absolute charge at the start.
+
+    Raises
+    ------
+    InputError
+        If an axis is not allowed, or the case has no initial charge.
+    """
+    grid = Sweep(case=_tables(case), parameters=_parameters(axes))
+    return grid, _HALF * _initial_peak(case)
 
 
 def _tables(case: Case) -> dict[str, Any]:
@@ -261,6 +288,7 @@ def _run(
     lists: dict[str, list[float]],
     store: Path,
     workers: int | None,
+    retry: bool,
     report: Callable[[SweepProgress], None] | None,
 ) -> xr.Dataset:
     """Run some points of a grid with a model and return them over ``member``, in memory."""
@@ -275,7 +303,7 @@ def _run(
     # a store takes one sweep only, so each gets its own
     digest = hashlib.sha256(members.to_toml().encode()).hexdigest()[:12]
     place = store.with_name(f"{store.name}-{digest}.zarr")
-    with sweep(members, place, workers=workers, on_progress=report) as opened:
+    with sweep(members, place, workers=workers, retry=retry, on_progress=report) as opened:
         return opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
 
 
