@@ -125,30 +125,43 @@ def cell_sums(particles: Any, start: Any, points: int) -> Any:
 
 
 @compiled
-def thermostat(particles: Any, start: Any, points: int, warm: bool) -> None:
-    """Remove the mean velocity of groups of cells, and bring Θ back to 1 if `warm`."""
-    group = (start.size - 1) // points
+def local_motion(particles: Any, points: int, warm: bool) -> Any:
+    """Return the local mean velocities, and factors that bring Θ back to 1 if `warm`.
+
+    Particles need not be in order.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``(points, 4)``: three velocities and a factor.
+    """
+    count = np.zeros(points)
+    motion = np.zeros((points, 4))
+    for p in particles:
+        point = _cell(p[0], points)
+        count[point] += 1.0
+        for axis in range(3):
+            motion[point, axis] += p[1 + axis]
+            motion[point, 3] += p[1 + axis] * p[1 + axis]
     for point in range(points):
-        first, end = start[point * group], start[(point + 1) * group]
-        if end - first < 2:
+        m = motion[point]
+        square = m[3]
+        m[3] = 1.0
+        if count[point] < 2.0:
+            m[:3] = 0.0
             continue
-        u_x = u_y = u_z = square = 0.0
-        for i in range(first, end):
-            u_x += particles[i, 1]
-            u_y += particles[i, 2]
-            u_z += particles[i, 3]
-        u_x /= end - first
-        u_y /= end - first
-        u_z /= end - first
-        for i in range(first, end):
-            p = particles[i]
-            p[1] -= u_x
-            p[2] -= u_y
-            p[3] -= u_z
-            square += p[1] * p[1] + p[2] * p[2] + p[3] * p[3]
+        for axis in range(3):
+            m[axis] /= count[point]
+            square -= count[point] * m[axis] * m[axis]
         if warm and square > 0.0:
-            factor = math.sqrt(3.0 * (end - first - 1) / square)
-            for i in range(first, end):
-                particles[i, 1] *= factor
-                particles[i, 2] *= factor
-                particles[i, 3] *= factor
+            m[3] = math.sqrt(3.0 * (count[point] - 1.0) / square)
+    return motion
+
+
+@compiled
+def hold(particles: Any, motion: Any) -> None:
+    """Subtract local velocities, and multiply by local factors."""
+    for p in particles:
+        m = motion[_cell(p[0], motion.shape[0])]
+        for axis in range(3):
+            p[1 + axis] = (p[1 + axis] - m[axis]) * m[3]

@@ -16,9 +16,10 @@ from triboflux.kinetic.cells import (
     accelerate,
     cell_sums,
     electric_field,
+    hold,
+    local_motion,
     move,
     sort,
-    thermostat,
 )
 from triboflux.kinetic.collisions import agitate, collide
 
@@ -185,6 +186,9 @@ class Ensemble:
     def advance(self, steps: int, time_step: float) -> None:
         """Fly half a step, accelerate, collide, accelerate, and fly half a step, again and again.
 
+        A thermostat acts before and after the collisions alike, so that the error of the step is of
+        second order with it, too.
+
         Parameters
         ----------
         steps : int
@@ -193,31 +197,43 @@ class Ensemble:
             Of each, scaled by L/√Θ.
         """
         half = 0.5 * time_step / self.parameters.length
+        p = self.parameters
+        forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
+        held = p.thermostat != "none" and (forced or p.restitution < 1.0)
         for _ in range(steps):
             move(self.particles, half)
             self._sort()
-            self._interact(time_step)
+            self._interact(time_step, forced=forced, held=held)
             move(self.particles, half)
+            if held:
+                hold(self.particles, self._local_motion())
             self.steps += 1
 
-    def _interact(self, time: float) -> None:
-        """Accelerate, collide, accelerate, and hold fixed what the thermostat says."""
+    def _interact(self, time: float, *, forced: bool, held: bool) -> None:
+        """Accelerate, collide, accelerate, with half of what a thermostat does on either side."""
         p, half = self.parameters, 0.5 * time
         warm = p.thermostat == "full"
-        forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
         field = self._accelerate(half) if forced or p.field_transfer > 0.0 else _NO_FIELD
+        motion = self._local_motion() if held else None
+        if held:
+            hold(self.particles, motion)
         # What collisions and drag take, random forces give back, which know nothing of charges:
         # half of it before collisions, as far as it is known then, so that these see the right Θ.
         of_drag = -math.expm1(-2.0 * half * p.drag_rate)
         expected = (1.0 - p.restitution**2) * p.collision_rate * half / 3.0
         self._agitate(warm * (of_drag + expected))
         lost = self._collide(time, field) if p.collision_rate > 0.0 else 0.0
+        self._agitate(warm * (of_drag + lost / (3.0 * len(self.particles)) - expected))
+        if held:
+            # the second half of the step will do what the first half did
+            hold(self.particles, motion)
         if forced:
             self._accelerate(half)
-        self._agitate(warm * (of_drag + lost / (3.0 * len(self.particles)) - expected))
-        if p.thermostat != "none" and (forced or p.restitution < 1.0):
-            # what the field gives is taken away
-            thermostat(self.particles, self._start, p.points, warm and p.energy_ratio > 0.0)
+
+    def _local_motion(self) -> NDArray[np.float64]:
+        """Return what a thermostat takes away: mean velocities, and the heat of the field."""
+        p = self.parameters
+        return local_motion(self.particles, p.points, p.thermostat == "full" and p.energy_ratio > 0)
 
     def _agitate(self, variance: float) -> None:
         if variance > 0.0:
