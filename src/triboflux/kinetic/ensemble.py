@@ -219,11 +219,11 @@ class Ensemble:
             hold(self.particles, motion)
         # What collisions and drag take, random forces give back, which know nothing of charges:
         # half of it before collisions, as far as it is known then, so that these see the right Θ.
-        of_drag = -math.expm1(-2.0 * half * p.drag_rate)
         expected = (1.0 - p.restitution**2) * p.collision_rate * half / 3.0
-        self._agitate(warm * (of_drag + expected))
+        self._agitate(warm * (expected - math.expm1(-time * p.drag_rate)))
         lost = self._collide(time, field) if p.collision_rate > 0.0 else 0.0
-        self._agitate(warm * (of_drag + lost / (3.0 * len(self.particles)) - expected))
+        rest = lost / (3.0 * len(self.particles)) - expected
+        self._agitate(warm * (rest + math.expm1(time * p.drag_rate)))
         if held:
             # the second half of the step will do what the first half did
             hold(self.particles, motion)
