@@ -8,16 +8,12 @@ Run from the root of the repository; nothing is written without ``--write``::
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 
 from benchmarks.timing import ROOT, table, write_section
-from triboflux import closures, drag, presets, radial_distribution
+from triboflux import drag, presets, radial_distribution
 from triboflux.assessment import Assessment, assess
-from triboflux.case import Case
-from triboflux.numbers import Numbers
-from triboflux.rates import scaled_rates
-from triboflux.solve import solve
+from triboflux.model_errors import CHEAPEST_FIRST, OK, ModelError, measure, percent
 from triboflux.suspension import Suspension
 from triboflux.units import format_quantity
 
@@ -91,38 +87,28 @@ def laws_table() -> str:
     )
 
 
-def relaxation_table() -> str:
-    """Return how long a wave of charge takes to fall to half, in three models, in L/√Θ."""
+def errors_table() -> str:
+    """Return the errors of the reduced models for every preset, computed and from the table."""
     rows: list[Sequence[str]] = []
     for name, suspension in suspensions().items():
-        proposed = assess(suspension)
-        times = relaxation_times(suspension, proposed.numbers)
-        rows.append((name, *(f"{time:.4g}" for time in times), proposed.model))
-    return table(("preset", "full", "gradient", "collisional", "proposed"), rows)
+        told = assess(suspension)
+        exact = {each.model: each for each in measure(told.numbers).models}
+        cells = (_errors(exact[each.model], each) for each in told.errors)
+        rows.append((name, *cells, told.model))
+    return table(("preset", *CHEAPEST_FIRST, "proposed"), rows)
 
 
-def relaxation_times(suspension: Suspension, numbers: Numbers) -> tuple[float, float, float]:
-    """Return the times of the full, the gradient and the collisional model, scaled by L/√Θ.
-
-    The last two are linear, and a single wave decays exponentially in them.
-    """
-    wave = {"charge": [{"mode": [1], "sine": -1.0}]}
-    run = {"t_end": 1e6, "stop_at_peak_charge": 0.5}
-    case = Case(suspension=suspension, grid={"points": [64]}, initial=wave, run=run)
-    full = float(solve(case).dataset["time"][-1])
-    rates = scaled_rates(closures.derived(numbers.restitution), numbers)
-    square = (2.0 * math.pi) ** 2
-    collisional = square / numbers.peclet + 1.0 / numbers.tau_sigma
-    production = square * rates.gradient_production + rates.field_production
-    kinetic = (1.0 + rates.collisional_flux) * production / rates.covariance_destruction
-    return full, math.log(2.0) / (collisional + kinetic), math.log(2.0) / collisional
+def _errors(exact: ModelError, told: ModelError) -> str:
+    """Return a computed error and, in brackets, that of the table; or why there is none."""
+    first, second = (percent(e.error) if e.status == OK else e.status for e in (exact, told))
+    return first if first == second else f"{first} ({second})"
 
 
 SECTIONS = {
     "values": values_table,
     "models": models_table,
     "laws": laws_table,
-    "relaxation": relaxation_table,
+    "errors": errors_table,
 }
 
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import triboflux
-from tests.fields import CASE_A, CASE_B
+from tests.fields import CASE_A
 from triboflux import assessment, closures, numbers, presets
+from triboflux.advice import advise
 from triboflux.assessment import assess, mean_free_path
-from triboflux.case import Case
 from triboflux.closures import collision_integral
 from triboflux.errors import InputError
+from triboflux.model_errors import CHEAPEST_FIRST
 from triboflux.numbers import Numbers
 from triboflux.rates import scaled_rates
 
@@ -26,12 +26,11 @@ def preset(request):
     return presets.FUNCTIONS[request.param]()
 
 
-def choose(closure_name="derived", **fields):
-    """Return regime, model and reasons for typed numbers."""
+def regime(closure_name="derived", **fields):
+    """Return regime and sentence for typed numbers."""
     made = Numbers(**fields)
-    return assessment._choice(
-        made, scaled_rates(closures.by_name(closure_name, made.restitution), made)
-    )
+    rates = scaled_rates(closures.by_name(closure_name, made.restitution), made)
+    return assessment._regime(made.peclet, rates)
 
 
 # ------------------------------------------------------------------ coefficients
@@ -135,7 +134,7 @@ def scaled_relaxation(fields):
 
 @pytest.mark.parametrize("tau_p", [math.inf, 0.05])
 @pytest.mark.parametrize(
-    ("product", "regime"),
+    ("product", "expected"),
     [
         (1000.0, "kinetic"),
         (10.01, "kinetic"),
@@ -145,14 +144,14 @@ def scaled_relaxation(fields):
         (0.01, "dense"),
     ],
 )
-def test_regime_is_peclet_times_relaxation_time(product, regime, tau_p):
+def test_regime_is_peclet_times_relaxation_time(product, expected, tau_p):
     fields = CASE_A | {"tau_c": 0.01, "tau_p": tau_p, "length_ratio": 1e-3}
     peclet = product * (2 / 3 / 0.01 + 1 / tau_p)
     for _ in range(5):  # R depends weakly on the Peclet number
         peclet = product / scaled_relaxation(fields | {"peclet": peclet})
-    found, _, reasons = choose(**fields | {"peclet": peclet})
-    assert found == regime
-    assert f" is {product:.3g}: charge disperses by " in reasons[0]
+    found, sentence = regime(**fields | {"peclet": peclet})
+    assert found == expected
+    assert f" is {product:.3g}: charge disperses by " in sentence
 
 
 def test_regimes_of_powders():
@@ -173,167 +172,50 @@ REAL = {
     "none": lambda: presets.glass_beads(youngs_modulus=1e3, granular_temperature=10.0),
 }
 """A powder for every answer."""
-SENTENCES = {
-    "collisional": r"^The covariance adds only \S+ of the transport by collisional dispersion and ",
-    "gradient": r"^With tau_xi\* = \S+ the variance reaches .* production of covariance: it can be",
-    "semi-algebraic": r"^With tau_xi\* = .* production of covariance: it needs its own equation\.$",
-    "full": r"^\(\(4 pi\^2 \+ u\)/R \+ 1/tau_sigma\)/R is \S+, not small: the covariance lags ",
-    "none": r"^gamma Theta\^\(a/2\) is \S+, not below 0\.547: collisions on average pass over more",
-}
 
 
 @pytest.mark.parametrize("model", REAL)
 def test_every_answer_is_reached_by_a_powder(model):
     found = assess(REAL[model]())
     assert found.model == model
-    assert re.search(SENTENCES[model], found.reasons[-1])
     assert all(reason.endswith(".") for reason in found.reasons)
-    assert len(found.reasons) == {"none": 1, "gradient": 3, "semi-algebraic": 3}.get(model, 2)
+    if model == "none":
+        assert (found.errors, found.origin) == ((), "none")
+        (reason,) = found.reasons
+        assert reason.startswith("gamma Theta^(a/2) is ")
+        return
+    assert found.origin == "table"
+    assert found.reasons[0].startswith("Peclet number times covariance relaxation time is ")
+    advised = advise(found.numbers)
+    assert found.reasons[1:] == advised.reasons
+    assert found.errors == advised.errors
+    assert [each.model for each in found.errors] == list(CHEAPEST_FIRST)
 
 
-def gradient_time(fields, closure_name):
-    """Return when a wave of charge has fallen to half in the gradient model, with e = 1."""
-    made = Numbers(**fields)
-    r = scaled_rates(closures.by_name(closure_name, 1.0), made)
-    square = 4 * math.pi**2
-    rate = (1 + r.collisional_flux) * square * r.gradient_production / r.covariance_destruction
-    return math.log(2) / (rate + square / made.peclet)
-
-
-@pytest.mark.parametrize(
-    ("fields", "closure_name", "full", "semi_algebraic"),
-    [
-        (CASE_A, "published", 49.14328, 49.14299),
-        (CASE_A, "derived", 107.95618, None),
-        (CASE_B, "published", 0.165302, 0.048347),
-        (CASE_B, "derived", 0.188442, None),
-    ],
-)
-def test_choice_agrees_with_the_reference_times(fields, closure_name, full, semi_algebraic):
-    _, model, reasons = choose(closure_name, **fields)
-    assert model == ("semi-algebraic" if fields == CASE_A else "full")
-    (lag,) = re.findall(r"\)/R is ([^,:]+)[,:]", " ".join(reasons))
-    if semi_algebraic is not None:
-        # the estimate of what the semi-algebraic model makes wrong
-        wrong = abs(semi_algebraic / full - 1)
-        assert wrong < assessment.TOLERANCE or model == "full"
-        assert 0.5 * wrong < float(lag) if model == "full" else 0.5 * wrong < float(lag) < 2 * wrong
-    if model == "semi-algebraic":
-        # the estimate of what the gradient model makes wrong, by leaving out u V E
-        (force,) = re.findall(r"field on it (\S+) of the other", reasons[-1])
-        wrong = gradient_time(fields, closure_name) / full - 1
-        assert wrong > assessment.TOLERANCE
-        assert 0.5 * wrong < float(force) < 3 * wrong
-
-
-@pytest.mark.parametrize("closure_name", ["derived", "published"])
-@pytest.mark.parametrize("name", ["polyethylene", "glass-beads", "pharmaceutical-fine"])
-def test_choice_is_right_about_a_wave_of_charge(name, closure_name):
-    """The proposed model's time to half the peak is within the tolerance; a simpler one's is not.
-
-    The collisional and the gradient model are linear: a wave decays exponentially in them.
-    """
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["glass-beads", "pharmaceutical-carrier"])
+def test_computed_errors_are_near_those_of_the_table(name):
     powder = presets.FUNCTIONS[name]()
-    found = assess(powder, closure_name)
-    wave = {"charge": [{"mode": [1], "sine": -1.0}]}
-    run = {"t_end": 1e3, "stop_at_peak_charge": 0.5, "rtol": 1e-4, "outputs": 1}
-    fields = {"suspension": powder, "closures": closure_name, "initial": wave, "run": run}
-
-    def time(model):
-        case = Case(model=model, grid={"points": [32]}, **fields)
-        return float(triboflux.solve(case).dataset["time"][-1])
-
-    full, n = time("full"), found.numbers
-    r = scaled_rates(closures.by_name(closure_name, n.restitution), n)
-    square = 4 * math.pi**2
-    collisional = square / n.peclet + 1 / n.tau_sigma
-    source = square * r.gradient_production + r.field_production
-    kinetic = (1 + r.collisional_flux) * source / r.covariance_destruction
-    wrong = {
-        "collisional": abs(math.log(2) / collisional / full - 1),
-        "gradient": abs(math.log(2) / (collisional + kinetic) / full - 1),
-    }
-    if found.model in wrong:
-        assert wrong[found.model] < assessment.TOLERANCE
-    if found.model != "collisional":
-        assert wrong["collisional"] > assessment.TOLERANCE
-    if found.model == "semi-algebraic":
-        assert wrong["gradient"] > assessment.TOLERANCE
-        assert abs(time("semi-algebraic") / full - 1) < assessment.TOLERANCE
-
-
-def test_covariance_beside_collisional_dispersion():
-    """In the dense limit the covariance adds P (Pe/R) (1 + eta) to the dispersion of charge."""
-    fields = CASE_A | {"tau_c": 0.01, "length_ratio": 1e-3, "energy_ratio": 0.0}
-    for share, model in ((0.0499, "collisional"), (0.0501, "gradient")):
-        peclet = share * 2 / 3 / 0.01  # d/L and thus eta and P - 1 vanish
-        _, found, _ = choose(**fields | {"peclet": peclet})
-        assert found == model
-    # the force on the variance counts, and so does conduction
-    peclet = 0.02 * 2 / 3 / 0.01
-    assert choose(**fields | {"peclet": peclet, "energy_ratio": 1e6})[1] == "full"
-    assert choose(**fields | {"peclet": 0.1 * 2 / 3 / 0.01, "tau_sigma": 1e-3})[1] == "collisional"
-
-
-def test_lag_of_the_covariance_decides_for_the_full_model():
-    fields = CASE_A | {"energy_ratio": 0.0, "tau_sigma": 1e12}
-    relaxation = math.sqrt(0.05) / (2 * math.pi)
-    for factor, model in ((0.99, "gradient"), (1.01, "full")):
-        tau_c = 2 / 3 * relaxation * factor
-        assert choose(**fields | {"tau_c": tau_c, "peclet": 1e9})[1] == model
-    # a field that oscillates, or charge that conduction takes away, makes it lag more
-    tau_c = 0.1 * relaxation
-    assert choose(**fields | {"tau_c": tau_c, "peclet": 1e9, "energy_ratio": 5000.0})[1] == "full"
-    assert choose(**fields | {"tau_c": tau_c, "peclet": 1e9, "tau_sigma": 0.05})[1] == "full"
+    table, computed = (assess(powder, compute=compute) for compute in (False, True))
+    assert (table.origin, computed.origin) == ("table", "computed")
+    assert table.model == computed.model
+    for told, exact in zip(table.errors, computed.errors, strict=True):
+        assert exact.low == exact.error == exact.high
+        if exact.error is not None and told.error is not None and exact.error > 1e-3:
+            assert told.error == pytest.approx(exact.error, rel=0.25)
 
 
 @pytest.mark.parametrize("closure_name", ["derived", "published"])
-def test_variance_that_grows_needs_its_equation(closure_name):
-    # published: F < 0 from a transferred fraction of 0.0152 on
-    fields = CASE_A | {"tau_c": 2e-3, "peclet": 1e4}
-    r = scaled_rates(closures.by_name(closure_name, 1.0), Numbers(**fields))
-    assert (r.variance_destruction < 0) == (closure_name == "published")
-    _, model, reasons = choose(closure_name, **fields | {"energy_ratio": 50.0})
-    if closure_name == "published":
-        assert model == "semi-algebraic"
-        assert " the variance reaches about 0.5 Q0^2" in reasons[-1]
-
-
-@pytest.mark.parametrize("closure_name", ["derived", "published"])
-@pytest.mark.parametrize("fraction", [0.54, 0.55, 1.7, 50.0])
-def test_no_model_holds_outside_the_range_of_the_closures(fraction, closure_name):
-    # gamma Theta^(a/2) = 3.884 tau_c (L/d)^2/Pe; from 1.62 on even R is negative
-    tau_c = fraction * 1e6 / (6 * collision_integral(1.0) / collision_integral(1.8) * 192**2)
-    _, model, reasons = choose(closure_name, **CASE_A | {"tau_c": tau_c})
-    assert (model == "none") == (fraction > 0.547)
-    assert reasons[0].startswith("gamma Theta^(a/2)" if model == "none" else "Peclet number")
-
-
-@given(
-    st.floats(-6, 2),
-    st.floats(1, 9),
-    st.floats(-3, 6),
-    st.floats(0, 4),
-    st.floats(0, 4),
-    st.floats(0, 1),
-    st.sampled_from(["derived", "published"]),
-)
-def test_any_numbers_get_one_answer(tau_c, peclet, tau_sigma, energy, length, e, closure_name):
-    regime, model, reasons = choose(
-        closure_name,
-        tau_c=10**tau_c,
-        peclet=10**peclet,
-        tau_sigma=10**tau_sigma,
-        energy_ratio=10**energy,
-        length_ratio=10**length,
-        restitution=e,
-    )
-    assert regime in ("kinetic", "dense", "intermediate")
-    assert model in REAL
-    assert re.search(SENTENCES[model], reasons[-1])
-    told = " ".join(reasons)
+@pytest.mark.parametrize("modulus", [7e10, 1e8, 1e6, 1e5, 1e4])
+def test_any_powder_gets_one_answer(modulus, closure_name):
+    found = assess(presets.glass_beads(youngs_modulus=modulus), closure_name)
+    assert found.model in REAL
+    told = " ".join(found.reasons)
     assert "nan" not in told
-    assert " -" not in told  # no estimate is negative
+    symbols = {q.symbol: q.value for q in found.coefficients}
+    if closure_name == "published" and symbols["gamma Theta^(a/2)"] > 0.0153:
+        assert (found.model, found.origin) == ("full", "none")
+        assert "so the charge variance would grow by itself: no model is judged" in told
 
 
 # ------------------------------------------------------------------ warnings

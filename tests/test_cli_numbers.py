@@ -1,5 +1,6 @@
 """The commands that start from a powder: numbers, export, and runs told in SI."""
 
+import dataclasses
 import io
 import json
 import math
@@ -17,6 +18,8 @@ from tests.processes import command, surroundings, triboflux
 from triboflux import assessment_text, cli, presets
 from triboflux.assessment import assess
 from triboflux.case import Case
+from triboflux.model_errors import ModelError, measure
+from triboflux.numbers import from_suspension
 from triboflux.result import load
 from triboflux.suspension import Suspension
 
@@ -127,6 +130,8 @@ def test_json_holds_everything_in_full_precision(call, folder, closures):
         assert told == vars(quantity) | {"value": value}
     assert (found["regime"], found["model"]) == (expected.regime, expected.model)
     assert found["reasons"] == list(expected.reasons)
+    assert found["origin"] == expected.origin
+    assert found["errors"] == [vars(each) for each in expected.errors]
     assert found["warnings"] == list(expected.warnings)
     assert found["warnings"]
 
@@ -166,6 +171,47 @@ def test_tables_show_everything_uncut(call, folder):
         assert f"warning: {warning}" in lines
     assert len(found.warnings) > 1
     assert max(map(len, lines)) > 100
+
+
+@pytest.mark.parametrize("origin", ["table", "computed"])
+def test_errors_of_the_models_are_a_table(origin, tmp_path):
+    powder = presets.glass_beads()
+    spread = 1.5 if origin == "table" else 1.0
+    errors = (
+        ModelError("collisional", "ok", 0.2, 0.2 / spread, 0.2 * spread),
+        ModelError("gradient", "ok", 0.001, 0.001 / spread, 0.001 * spread),
+        ModelError("algebraic", "beside entries without error (nonphysical)"),
+        ModelError("semi-algebraic", "ok", 1e-5, 1e-5 / spread, 1e-5 * spread),
+    )
+    found = dataclasses.replace(assess(powder), errors=errors, origin=origin)
+    with (tmp_path / "told.txt").open("w", encoding="utf-8") as file:
+        assessment_text.write(found, powder, "table", file, closures="derived")
+    text = (tmp_path / "told.txt").read_text(encoding="utf-8")
+    lines = [line.split() for line in text.splitlines()]
+    ranges = {"collisional": "13 % to 30 %", "gradient": "0.067 % to 0.15 %"}
+    ranges["semi-algebraic"] = "< 0.01 % to < 0.01 %"
+    for model, value in {
+        "collisional": "20 %",
+        "gradient": "0.1 %",
+        "semi-algebraic": "< 0.01 %",
+    }.items():
+        told = ranges[model] if origin == "table" else ""
+        assert [model, *value.split(), *told.split()] in lines
+    assert ["algebraic", *"beside entries without error (nonphysical)".split()] in lines
+
+
+@pytest.mark.slow
+def test_errors_are_computed_on_demand(folder):
+    done = triboflux("numbers", "powder.toml", "--compute", "--format", "json", folder=folder)
+    assert done.returncode == 0, done.stderr
+    found = strictly(done.stdout)
+    assert found["origin"] == "computed"
+    exact = measure(from_suspension(Suspension.from_toml(folder / "powder.toml")))
+    assert [m["model"] for m in found["errors"]] == [m.model for m in exact.models]
+    for told, each in zip(found["errors"], exact.models, strict=True):
+        assert told["status"] == each.status
+        assert told["error"] == told["low"] == told["high"]
+        assert told["error"] == pytest.approx(each.error, rel=1e-6)
 
 
 def test_quiet_tables(call):

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from benchmarks import presets as preset_tables
+from benchmarks import suitability_table
+from triboflux import model_table
 from triboflux.case import Case
 from triboflux.case_text import case_table
 from triboflux.solve import solve
@@ -63,3 +65,9 @@ def test_examples_run(path):
 @pytest.mark.parametrize("name", preset_tables.SECTIONS)
 def test_tables_of_the_suspension_page_are_up_to_date(name):
     assert section("docs/suspension.md", name) == preset_tables.SECTIONS[name]()
+
+
+@pytest.mark.parametrize("name", suitability_table.SECTIONS)
+def test_accuracy_of_the_table_is_that_of_the_shipped_one(name):
+    found = suitability_table.SECTIONS[name](model_table.load())
+    assert section("docs/suspension.md", name) == found

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from triboflux import closures
+from triboflux.advice import advice_without_model, advise
 from triboflux.collision import HERTZ_EXPONENT
+from triboflux.model_errors import WAVE_NUMBER, ModelError
 from triboflux.numbers import Numbers, from_suspension, transport_of
 from triboflux.rates import (
     WARN_TRANSFERRED_FRACTION,
@@ -21,17 +23,12 @@ from triboflux.scales import Scales
 if TYPE_CHECKING:
     from triboflux.suspension import Suspension
 
-TOLERANCE = 0.05
-"""Estimated relative error of a relaxation time up to which a reduced model is proposed."""
-
 _STRONG_COLLISIONS = 0.01
 _NEAR_PACKING = 0.9
 _LARGE_KNUDSEN = 0.1
 _WARM = 0.1
 _BREAKDOWN = 3e6
 _DISPERSIVE = 0.3
-# of the longest wave in the box, -sin(2 pi x/L)
-_WAVE_NUMBER = 2.0 * math.pi
 
 
 @dataclass(frozen=True)
@@ -72,9 +69,13 @@ class Assessment:
     regime : str
         ``"kinetic"``, ``"dense"`` or ``"intermediate"``.
     model : str
-        Name of the simplest model that suits; ``"none"`` outside the range of the closures.
+        Name of the cheapest model that suits; ``"none"`` outside the range of the closures.
     reasons : tuple of str
         Sentences that say why, with the numbers that decide.
+    errors : tuple of ModelError
+        What is known of each reduced model; empty where nothing is.
+    origin : str
+        Where the errors are from: ``"table"``, ``"computed"``, or ``"none"``.
     warnings : tuple of str
         Sentences about what the models leave out here.
     """
@@ -84,10 +85,14 @@ class Assessment:
     regime: str
     model: str
     reasons: tuple[str, ...]
+    errors: tuple[ModelError, ...]
+    origin: str
     warnings: tuple[str, ...]
 
 
-def assess(suspension: Suspension, closure_name: str = "derived") -> Assessment:
+def assess(
+    suspension: Suspension, closure_name: str = "derived", *, compute: bool = False
+) -> Assessment:
     """Compute the coefficients of a suspension and say which model suits it.
 
     Parameters
@@ -96,12 +101,14 @@ def assess(suspension: Suspension, closure_name: str = "derived") -> Assessment:
         Particles, gas and state.
     closure_name : str
         ``"derived"`` or ``"published"``.
+    compute : bool
+        Run all models for a wave of charge over the whole domain, which takes seconds, instead of
+        looking their errors up in the table of `triboflux.model_table`.
 
     Returns
     -------
     Assessment
-        The choice of a model rests on estimates for a charge that varies over the whole domain,
-        to a factor of about two.
+        Coefficients, numbers, regime, the model that suits, and what to beware of.
 
     Raises
     ------
@@ -112,13 +119,20 @@ def assess(suspension: Suspension, closure_name: str = "derived") -> Assessment:
     rates = _rates(suspension, transport, closure_name)
     numbers = from_suspension(suspension, closure_name)
     closure_set = closures.by_name(closure_name, suspension.restitution)
-    regime, model, reasons = _choice(numbers, scaled_rates(closure_set, numbers))
+    scaled = scaled_rates(closure_set, numbers)
+    regime, about = _regime(numbers.peclet, scaled)
+    if scaled.transferred_fraction >= closures.fraction_limit(HERTZ_EXPONENT):
+        advice = advice_without_model(scaled.transferred_fraction)
+    else:
+        advice = advise(numbers, closure_name, compute=compute)
     return Assessment(
         coefficients=_coefficients(suspension, transport, rates),
         numbers=numbers,
         regime=regime,
-        model=model,
-        reasons=reasons,
+        model=advice.model,
+        reasons=(*((about,) if advice.model != "none" else ()), *advice.reasons),
+        errors=advice.errors,
+        origin=advice.origin,
         warnings=_warnings(suspension, transport, rates, numbers),
     )
 
@@ -185,67 +199,19 @@ def _coefficients(
     )
 
 
-def _choice(numbers: Numbers, rates: ClosureRates) -> tuple[str, str, tuple[str, ...]]:
-    """Return regime, model and reasons, from scaled coefficients."""
-    n, r = numbers, rates
-    square = _WAVE_NUMBER**2
-    relaxation = 1.0 / r.covariance_destruction
-    kinetic = n.peclet * relaxation
+def _regime(peclet: float, rates: ClosureRates) -> tuple[str, str]:
+    """Return the regime and a sentence about it, from scaled coefficients."""
+    kinetic = peclet / rates.covariance_destruction
     regime = "kinetic" if kinetic > 10.0 else "dense" if kinetic < 0.1 else "intermediate"
     carried = {
         "kinetic": "by the random motion of the particles",
         "dense": "by collisions",
         "intermediate": "by collisions and by random motion alike",
-    }
-    limit = closures.fraction_limit(HERTZ_EXPONENT)
-    if r.transferred_fraction >= limit:
-        reason = (
-            f"gamma Theta^(a/2) is {r.transferred_fraction:.3g}, not below {limit:.3g}: collisions "
-            "on average pass over more than the charge difference, and no model holds."
-        )
-        return regime, "none", (reason,)
-    reasons = [
+    }[regime]
+    return regime, (
         f"Peclet number times covariance relaxation time is {kinetic:.3g}: charge disperses "
-        f"{carried[regime]}."
-    ]
-    # Mixing turns the square of the mean charge into variance, conduction in the field of a wave
-    # (its mean square is 1/(2 k^2)) adds to it. Charge exchange destroys it unless F is negative,
-    # and in any case its sources decay with the square of the charge.
-    collisional = square / n.peclet + 1.0 / n.tau_sigma
-    destruction = max(r.variance_destruction, 0.0) + 2.0 * collisional
-    driven = square * r.gradient_production + r.field_production
-    mixed = min(0.5, driven * relaxation / destruction)
-    conducted = r.variance_field_production / (2.0 * square * destruction)
-    force = n.energy_ratio * (mixed + conducted)
-    flux = (1.0 + r.collisional_flux) * (driven + force) * relaxation
-    share = flux / collisional
-    if share < TOLERANCE:
-        reasons.append(
-            f"The covariance adds only {share:.2g} of the transport by collisional dispersion and "
-            "triboconductivity."
-        )
-        return regime, "collisional", tuple(reasons)
-
-    # how far the covariance lags behind its algebraic value
-    lag = ((square + n.energy_ratio) * relaxation + 1.0 / n.tau_sigma) * relaxation
-    if lag > TOLERANCE:
-        reasons.append(
-            f"((4 pi^2 + u)/R + 1/tau_sigma)/R is {lag:.3g}, not small: the covariance lags behind "
-            "gradient and field and needs its own equation."
-        )
-        return regime, "full", tuple(reasons)
-    reasons.append(
-        f"((4 pi^2 + u)/R + 1/tau_sigma)/R is {lag:.3g}: the covariance follows its algebraic "
-        "value."
+        f"{carried}."
     )
-    variance = (
-        f"With tau_xi* = {1.0 / r.charge_exchange:.3g} the variance reaches about "
-        f"{mixed + conducted:.2g} Q0^2, and the force of the field on it {force / driven:.2g} of "
-        "the other production of covariance"
-    )
-    if force > TOLERANCE * driven:
-        return regime, "semi-algebraic", (*reasons, f"{variance}: it needs its own equation.")
-    return regime, "gradient", (*reasons, f"{variance}: it can be left out.")
 
 
 def _warnings(
@@ -273,20 +239,20 @@ def _warnings(
             f"The mean free path is {knudsen:.2g} of the domain length: particles cross it with "
             "few collisions, which moment models describe poorly."
         )
-    lag = _WAVE_NUMBER * s.velocity_scale / (rates.covariance_destruction * s.domain_length)
+    lag = WAVE_NUMBER * s.velocity_scale / (rates.covariance_destruction * s.domain_length)
     if lag > _DISPERSIVE:
         found.append(
             f"2 pi sqrt(Theta)/(R L) = {lag:.2g}: the algebraic third-order moments disperse the "
             "covariance too strongly from about 0.3 on."
         )
     # energy of the field of -Q0 sin(2 pi x/L), over the kinetic energy 3/2 m Theta
-    heating = numbers.energy_ratio / (6.0 * _WAVE_NUMBER**2)
+    heating = numbers.energy_ratio / (6.0 * WAVE_NUMBER**2)
     if heating > _WARM:
         found.append(
             f"The field of a charge Q0 sin(2 pi x/L) holds {heating:.2g} times the kinetic energy "
             "of the random motion, which it would heat; the granular temperature is held fixed."
         )
-    strongest = Scales.of(s).field / _WAVE_NUMBER
+    strongest = Scales.of(s).field / WAVE_NUMBER
     if strongest > _BREAKDOWN:
         found.append(
             f"A charge Q0 sin(2 pi x/L) makes a field of {strongest:.2g} V/m; air at ambient "

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TextIO
 
 from triboflux.errors import require_one_of
+from triboflux.model_errors import OK, ModelError, percent
 from triboflux.tables import WIDE
 from triboflux.units import format_quantity
 
@@ -30,6 +31,10 @@ _MEANINGS = {
     "restitution": ("e", "(5.19)"),
 }
 """Definition and equation of each of the seven numbers."""
+_ORIGINS = {
+    "table": "Error of the charge against the full model, from the table",
+    "computed": "Error of the charge against the full model, computed",
+}
 
 
 def write(
@@ -146,6 +151,19 @@ def _write_tables(assessment: Assessment, file: TextIO, closures: str, *, senten
             ),
         )
     )
+    if assessment.errors:
+        console.print(
+            _table(
+                _ORIGINS[assessment.origin],
+                ("model", "value", "range"),
+                (
+                    (each.model, percent(each.error), _range(each))
+                    if each.status == OK
+                    else (each.model, "", each.status)
+                    for each in assessment.errors
+                ),
+            )
+        )
     console.print(Text(f"Regime: {assessment.regime}"))
     console.print(Text(f"Model:  {assessment.model}"))
     if not sentences:
@@ -154,6 +172,12 @@ def _write_tables(assessment: Assessment, file: TextIO, closures: str, *, senten
         console.print(Text(f"- {reason}"))
     for warning in assessment.warnings:
         console.print(Text(f"warning: {warning}"))
+
+
+def _range(error: ModelError) -> str:
+    """Return the range of an error, nothing if it is known exactly."""
+    known = error.low == error.high
+    return "" if known else f"{percent(error.low)} to {percent(error.high)}"
 
 
 def _table(title: str, names: Iterable[str], rows: Iterable[tuple[str, ...]]) -> Table:

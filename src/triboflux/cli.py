@@ -16,6 +16,7 @@ from triboflux.errors import InputError, TribofluxError, require_one_of, shown_p
 
 # everything else is imported inside the commands, so that help and refusals come at once
 if TYPE_CHECKING:
+    from triboflux.assessment import Assessment
     from triboflux.figures import Reproduction
     from triboflux.result import Result
 
@@ -143,6 +144,10 @@ def numbers(
             metavar="derived|published", help="Closure set; otherwise the file's, or derived."
         ),
     ] = None,
+    compute: Annotated[
+        bool,
+        typer.Option("--compute", help="Run all models for their errors, instead of the table."),
+    ] = False,
     form: Annotated[
         str, typer.Option("--format", metavar="table|json|toml", help="How to print.")
     ] = "table",
@@ -150,14 +155,26 @@ def numbers(
         bool, typer.Option("--quiet", "-q", help="With tables: no reasons and warnings.")
     ] = False,
 ) -> None:
-    """Print coefficients in SI, the seven numbers, the regime and the model that suits."""
+    """Print coefficients in SI, the seven numbers, the regime and the model that suits.
+
+    The model is the cheapest whose error is within 5 %, by a table that comes with the program or,
+    with --compute, by runs of all models that take some seconds.
+    """
     from triboflux import assessment_text
     from triboflux.assessment import assess
     from triboflux.suspension import read_suspension_file
+    from triboflux.terminal import in_background, interruptible, use_compilation_cache
 
     require_one_of("format", form, assessment_text.FORMATS)
     suspension, usual = read_suspension_file(suspension_file)
-    found = assess(suspension, closures or usual)
+
+    def work() -> Assessment:
+        if compute:
+            use_compilation_cache()
+        return assess(suspension, closures or usual, compute=compute)
+
+    with interruptible("nothing was printed"):
+        found = in_background(work) if compute else work()
     assessment_text.write(
         found, suspension, form, sys.stdout, closures=closures or usual, sentences=not quiet
     )
