@@ -98,7 +98,7 @@ class Effort(NamedTuple):
 
 
 EFFORTS = {
-    "full": Effort(4096, 24, 8, 40, 240, (1, 2, 1), (1, 1, 4)),
+    "full": Effort(2560, 16, 12, 40, 240, (1, 2, 1), (1, 1, 5)),
     "reduced": Effort(96, 16, 8, 40, 100),
 }
 
