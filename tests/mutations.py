@@ -172,8 +172,8 @@ MUTATIONS = (
     Mutation(
         "segments make the steps of a single run",
         "integrate",
-        "step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)",
-        "step = jnp.where(carry.next_step > 0.0, 0.5 * carry.next_step, estimate - carry.time)",
+        "return jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)",
+        "return jnp.where(carry.next_step > 0.0, 0.5 * carry.next_step, estimate - carry.time)",
         "test_integrate.py::test_segments_make_the_steps_of_a_single_run_bit_for_bit",
     ),
     Mutation(
@@ -271,7 +271,7 @@ MUTATIONS = (
     Mutation(
         "every moment is judged in its own scale",
         "integrators/controller",
-        "scale = self.atol + self.rtol * jnp.maximum(self.norm(start), self.norm(stop))",
+        "scale = self.atol + self.rtol * jnp.maximum(self.norm(start), size)",
         "scale = self.atol + self.rtol * (1.0 + self.norm(start))",
         "test_controller_and_root.py::test_every_moment_counts_in_its_own_scale",
     ),

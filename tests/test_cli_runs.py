@@ -25,7 +25,7 @@ from types import ModuleType, SimpleNamespace
 from tests.cases import fake_result
 from triboflux import cli, terminal
 
-def solve(case, *, on_progress=None):
+def solve_to_file(case, path, *, on_progress, overwrite, **others):
     print("solving", flush=True)
     for step in range(11):
         time.sleep(DELAY)
@@ -33,10 +33,12 @@ def solve(case, *, on_progress=None):
             on_progress(SimpleNamespace(
                 time=step / 10, t_end=1.0, steps=step, rejected=0,
                 peak_charge=1 - step / 20, fraction=step / 10))
-    return fake_result(case)
+    result = fake_result(case)
+    result.to_netcdf(path, overwrite)
+    return result
 
 module = sys.modules["triboflux.solve"] = ModuleType("triboflux.solve")
-module.solve = solve
+module.solve_to_file = solve_to_file
 terminal._PATIENCE = 0.05
 cli.main()
 """
@@ -57,12 +59,14 @@ def pretend(monkeypatch):
     monkeypatch.setenv("TRIBOFLUX_CACHE_DIR", "off")
 
     def call(*arguments, result=fake_result):
-        def solve(case, *, on_progress=None):
+        def solve_to_file(case, path, *, on_progress, overwrite, **others):
             assert on_progress is None
-            return result(case)
+            made = result(case)
+            made.to_netcdf(path, overwrite)
+            return made
 
         module = ModuleType("triboflux.solve")
-        module.solve = solve
+        module.solve_to_file = solve_to_file
         monkeypatch.setitem(sys.modules, "triboflux.solve", module)
         monkeypatch.setattr(sys, "argv", ["triboflux", *map(str, arguments)])
         with pytest.raises(SystemExit) as ended:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import triboflux as tbf
-from triboflux.checkpoint import InterruptionError, Schedule
+from triboflux.checkpoint import InterruptionError
 from triboflux.errors import InputError
 from triboflux.kinetic.ensemble import Parameters
 
@@ -156,10 +156,15 @@ def test_an_interrupted_simulation_goes_on_bit_for_bit(tmp_path):
     path = tmp_path / "out.nc.checkpoint"
     calls = iter([False, False, True] * 3 + [False] * 10_000)
     for attempt in range(3):
-        with pytest.raises(InterruptionError, match="checkpoint"):
-            tbf.simulate(case, checkpoint=path, resume=attempt > 0, interrupted=lambda: next(calls))
+        with pytest.raises(InterruptionError, match="goes on with --resume"):
+            tbf.simulate_to_file(
+                case,
+                tmp_path / "out.nc",
+                resume=attempt > 0,
+                interrupted=lambda: next(calls),
+            )
         assert path.exists()
-    resumed = tbf.simulate(case, checkpoint=path, resume=True, schedule=Schedule(steps=1))
+    resumed = tbf.simulate(case, checkpoint=path, resume=True, checkpoint_steps=1)
     assert resumed.dataset.equals(whole.dataset)
     without = {"seconds"}
     assert {k: v for k, v in resumed.stats.items() if k not in without} == {

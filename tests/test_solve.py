@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-import sys
+import re
 
 import numpy as np
 import pytest
@@ -10,15 +10,13 @@ import xarray as xr
 
 import triboflux
 from tests.paper_runs import changed, paper_run
+from triboflux import segments
 from triboflux.case import Case
 from triboflux.diagnostics import budget, model_of
 from triboflux.errors import InputError, OutOfRangeError
 from triboflux.figures import paper_case
 from triboflux.result import load
 from triboflux.solve import solve
-
-# The package's name `solve` is the function.
-solver = sys.modules["triboflux.solve"]
 
 # t*, max |C|, max V, min V, max |E| from an implicit Runge-Kutta method of a general ODE package.
 REFERENCE = {
@@ -140,7 +138,16 @@ def test_collapse_of_the_step_is_told():
     assert result.status == "diverged"
     time = float(result.dataset["time"][-1])
     assert 0.0 < time < 0.3
-    assert result.stop_reason == f"the step size collapsed at t = {time:.6g}"
+    place = re.fullmatch(
+        rf"the step size collapsed at t = {time:.6g}; the covariance, of rms (.*), changes by (.*) "
+        r"per unit time at x = (.*)",
+        result.stop_reason,
+    )
+    last = result.dataset.isel(time=-1)
+    assert float(place[1]) == pytest.approx(float(np.sqrt((last["covariance"] ** 2).mean())), 0.01)
+    rate = budget(result)["covariance"].sum("covariance_term")
+    assert float(place[2]) == pytest.approx(float(rate.sel(x=float(place[3])).item()), rel=0.01)
+    assert float(np.abs(rate).max()) == pytest.approx(abs(float(place[2])), rel=0.01)
     assert float(result.dataset["time"][0]) == 0.0
     assert float(result.dataset["peak_charge"][-1]) > 1e6
     assert result.stats["rejected"] > 10
@@ -243,7 +250,7 @@ def test_progress_is_monotone_and_segments_change_nothing(monkeypatch):
     case = changed(paper_case(2), run__stop_at_peak_charge=0.02, run__t_end=2.0)
     whole = solve(case)
     assert np.any(np.diff(whole.dataset["peak_charge"]) < 0.0)
-    monkeypatch.setattr(solver, "STEPS_SMALL", 4)
+    monkeypatch.setattr(segments, "STEPS_SMALL", 4)
     seen = []
     result = solve(case, on_progress=seen.append)
     assert len(seen) > 4

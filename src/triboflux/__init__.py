@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from triboflux.errors import InputError, OutOfRangeError, TribofluxError
     from triboflux.grid import Grid
     from triboflux.integrate import integrate
-    from triboflux.kinetic.simulation import simulate
+    from triboflux.kinetic.simulation import simulate, simulate_to_file
     from triboflux.moments import Moments
     from triboflux.numbers import Numbers
     from triboflux.result import Result, load
-    from triboflux.solve import solve
+    from triboflux.solve import solve, solve_to_file
     from triboflux.suitability import suitability
     from triboflux.suspension import Suspension
     from triboflux.sweep import Sweep, sweep
@@ -60,7 +60,9 @@ __all__ = [
     "numbers",
     "presets",
     "simulate",
+    "simulate_to_file",
     "solve",
+    "solve_to_file",
     "suitability",
     "sweep",
 ]
@@ -92,7 +94,9 @@ _HOMES = {
     "integrate": "integrate",
     "load": "result",
     "simulate": "kinetic.simulation",
+    "simulate_to_file": "kinetic.simulation",
     "solve": "solve",
+    "solve_to_file": "solve",
     "suitability": "suitability",
     "sweep": "sweep",
 }

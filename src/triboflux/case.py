@@ -164,6 +164,9 @@ class Run(InputModel):
         Number of equally spaced output times, or increasing output times.
     rtol, atol : float
         Relative and absolute tolerance of a time step.
+    realizability_bound : float or None
+        Stop, with status ``"nonphysical"``, when |C|² − V, which no joint distribution of charges
+        and velocities lets rise above zero, has risen to this value anywhere, scaled by Q0².
     allow_out_of_range : bool
         Run although the closures are outside their range of validity.
     """
@@ -176,6 +179,7 @@ class Run(InputModel):
     outputs: Annotated[int | Reals, BeforeValidator(case_checks.parse_outputs)] = 20
     rtol: Annotated[Real, bounded(1e-12, 1e-1)] = 1e-6
     atol: NonNegative = 1e-9
+    realizability_bound: Positive | None = None
     allow_out_of_range: Flag = False
 
     @model_validator(mode="after")
@@ -255,6 +259,7 @@ class Case(InputModel):
     @model_validator(mode="after")
     def _parts_fit(self) -> Case:
         case_checks.check_closures(self)
+        case_checks.check_realizability_bound(self, MODELS_WITH_VARIANCE)
         case_checks.check_modes(self)
         case_checks.check_neutrality(self)
         case_checks.check_variance(self)

@@ -75,6 +75,16 @@ def check_closures(case: Case) -> None:
         )
 
 
+def check_realizability_bound(case: Case, with_variance: Sequence[str]) -> None:
+    """Refuse a bound on what a model does not know; raises InputError."""
+    if case.run.realizability_bound is not None and case.model not in with_variance:
+        raise InputError.about(
+            "run.realizability_bound",
+            f"is {case.run.realizability_bound!r}, but the model '{case.model}' has no variance; "
+            f"those that have one are {', '.join(with_variance)}",
+        )
+
+
 def check_units(case: Case, units: str) -> None:
     """Refuse units that do not exist or that the case has no scales for; raises InputError."""
     if units not in UNITS:

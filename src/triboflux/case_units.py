@@ -17,6 +17,7 @@ _PLACES = (
     ("run", "outputs", "time"),
     ("run", "stop_at_peak_charge", "charge"),
     ("run", "stop_at_rate", "charge_rate"),
+    ("run", "realizability_bound", "variance"),
     ("initial", "charge", "charge"),
     ("initial", "covariance", "covariance"),
     ("initial", "variance", "variance"),

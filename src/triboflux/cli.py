@@ -10,18 +10,14 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from triboflux import __version__, cli_many
-from triboflux.cli_options import EXIT_NOT_OK, Overwrite, Quiet, Workers
+from triboflux import __version__, cli_many, cli_run
+from triboflux.cli_options import EXIT_NOT_OK, EXIT_REFUSED, Overwrite, Quiet, Workers
 from triboflux.errors import InputError, TribofluxError, require_one_of, shown_path
 
 # everything else is imported inside the commands, so that help and refusals come at once
 if TYPE_CHECKING:
     from triboflux.assessment import Assessment
     from triboflux.figures import Reproduction
-    from triboflux.result import Result
-
-EXIT_REFUSED = 1
-"""Bad input or failure; one line on stderr says why."""
 
 app = typer.Typer(
     name="triboflux",
@@ -52,6 +48,10 @@ def _fail(sentence: str, code: int) -> NoReturn:
     sys.exit(code)
 
 
+app.add_typer(cli_run.commands)
+app.add_typer(cli_many.commands)
+
+
 @app.callback(invoke_without_command=True)
 def about(
     version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
@@ -74,60 +74,6 @@ def about(
         print(f"platform {platform.platform()}")
         print(f"devices {', '.join(str(device) for device in jax.devices())}")
     raise typer.Exit
-
-
-@app.command(epilog="Example: triboflux run case.toml -o result.nc --overwrite")
-def run(
-    case_file: Annotated[Path, typer.Argument(metavar="CASE.toml", help="The case to run.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="OUT.nc", help="NetCDF file to write.")
-    ],
-    units: Annotated[
-        str, typer.Option(metavar="scaled|si", help="Units of the fields in the result.")
-    ] = "scaled",
-    overwrite: Overwrite = False,
-    quiet: Quiet = False,
-) -> None:
-    """Run one case and write its result.
-
-    Exit code 0: the run ended well. 1: refused, nothing written. 2: wrong usage. 3: the result is
-    written, but its status is not ok. 130: interrupted, nothing written.
-    """
-    from triboflux import case_checks
-    from triboflux.case import Case
-    from triboflux.files import require_writable
-    from triboflux.initial_state import require_file
-    from triboflux.memory import require_memory
-    from triboflux.terminal import (
-        in_background,
-        interruptible,
-        progress_bar,
-        use_compilation_cache,
-    )
-
-    with interruptible("nothing was written"):
-        case = Case.from_toml(case_file)
-        case_checks.check_units(case, units)
-        require_writable(output, overwrite=overwrite)
-        if output.exists() and output.samefile(case_file):
-            raise InputError(f"output {shown_path(output)} is the case file itself.")
-        require_file(case)
-        require_memory(case)
-        with progress_bar(quiet=quiet) as on_progress:
-
-            def work() -> Result:
-                use_compilation_cache()
-                from triboflux.solve import solve
-
-                return solve(case, on_progress=on_progress)
-
-            result = in_background(work)
-        result = result.to_si() if units == "si" else result
-        result.to_netcdf(output, overwrite=overwrite)
-    if not quiet:
-        _report(result, output)
-    if result.status != "ok":
-        raise typer.Exit(EXIT_NOT_OK)
 
 
 @app.command(epilog="Example: triboflux numbers examples/polyethylene.toml")
@@ -223,24 +169,6 @@ def export(
         partial.write_text(text, encoding="ascii")
     if not quiet:
         print(f"written to {shown_path(output)}")
-
-
-def _report(result: Result, output: Path) -> None:
-    """Print how a run ended, and its warnings."""
-    si = result.units == "si"
-    # the sentences of a run speak of scaled values
-    scaled = " (scaled)" if si else ""
-    for warning in result.warnings:
-        print(f"warning{scaled}: {warning}", file=sys.stderr)
-    stats, dataset = result.stats, result.dataset
-    time_unit, charge_unit = (" s", " C") if si else ("", "")
-    print(
-        f"{result.status}: {result.stop_reason}{scaled}; "
-        f"t = {float(dataset['time'][-1]):.7g}{time_unit}, "
-        f"peak charge {float(dataset['peak_charge'][-1]):.7g}{charge_unit}, "
-        f"steps {stats.get('accepted')} accepted and {stats.get('rejected')} rejected; "
-        f"written to {shown_path(output)}"
-    )
 
 
 @app.command(epilog="Example: triboflux reproduce --figure 2 -o figures")
@@ -373,9 +301,6 @@ def closures(
     with interruptible("nothing was printed"), bar as on_progress:
         rows = audit.audit(restitution, exponent, samples=samples, on_progress=on_progress)
     tables.write(rows, form, sys.stdout, restitution=restitution, exponent=exponent)
-
-
-app.add_typer(cli_many.commands)
 
 
 if __name__ == "__main__":

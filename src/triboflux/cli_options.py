@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+EXIT_REFUSED = 1
+"""Bad input or failure; one line on stderr says why."""
 EXIT_NOT_OK = 3
 """The run ended and was written, but its status is not ok."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import equinox as eqx
@@ -11,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from triboflux import closures, models
+from triboflux.breaches import broken_limit
 from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.grid import Grid
-from triboflux.models.model import ROUND_OFF, Model
-from triboflux.models.terms import evaluate, values_of
+from triboflux.models.model import Model
+from triboflux.models.terms import evaluate
 from triboflux.moments import Moments
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from jaxtyping import Array
 
     from triboflux.case import Case
-    from triboflux.integrate import Carry
     from triboflux.result import Result
 
 # The spectrum of a resolved field has decayed to this part of its largest coefficient.
@@ -103,37 +102,6 @@ def _all_terms(model: Model, grid: Grid, fields: Moments) -> dict[str, Array]:
         value = getattr(evaluate((term,), calculus, state), term.moment)
         stacked[term.moment].append(grid.to_fields(value))
     return {moment: jnp.stack(values) for moment, values in stacked.items()}
-
-
-def broken_limit(model: Model, grid: Grid, carry: Carry) -> str:
-    """Say which limit of an algebraic closure is broken most, where and when.
-
-    Parameters
-    ----------
-    model : Model
-        With limits.
-    grid : Grid
-        Where the state lives.
-    carry : Carry
-        Of the run, at the time in question.
-    """
-    calculus = FourierCalculus(grid)
-    worst: list[tuple[float, str]] = []
-    for limit in model.limits:
-        values = getattr(values_of((limit,), calculus, carry.coefficients), limit.moment)
-        values = np.asarray(values)
-        scale = max(float(np.abs(values).max()), 1e-300)
-        # The first of equally low places, which must not depend on round-off.
-        lowest = int(np.argmax(values <= values.min() + ROUND_OFF * scale))
-        index = np.unravel_index(lowest, values.shape)
-        place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), index, strict=True))
-        relative = float(values[index]) / scale
-        sentence = (
-            f"{limit.name} falls to {float(values[index]):.3g} at x = {place}, "
-            f"t = {float(carry.time):.6g}"
-        )
-        worst.append((relative, sentence))
-    return min(worst)[1]
 
 
 def initial_closure(case: Case) -> xr.Dataset:
@@ -233,50 +201,6 @@ def unused_initial_warnings(case: Case, model: Model) -> list[str]:
         f"initial.{name} is not used: the {model.name} model has no equation for it."
         for name, modes in given.items()
         if modes and name not in model.evolves
-    ]
-
-
-def realizability_warnings(
-    grid: Grid,
-    times: np.ndarray,
-    fields: Mapping[str, np.ndarray],
-    *,
-    closed_covariance: bool = False,
-) -> list[str]:
-    """Say where and when |C|² > V or V < 0, which no joint distribution of charges allows.
-
-    Parameters
-    ----------
-    grid : Grid
-        Of the fields.
-    times : np.ndarray
-        Output times.
-    fields : Mapping
-        With ``covariance[time, component, x…]`` and, if the model has one, ``variance[time, x…]``.
-    closed_covariance : bool
-        Whether the covariance is an algebraic expression.
-    """
-    if "variance" not in fields:
-        return []
-    margin = fields["variance"] - np.sum(fields["covariance"] ** 2, axis=1)
-    scale = np.maximum(np.max(np.abs(fields["variance"])), 1e-300)
-    # The Fourier tail of a variance that vanishes at places is not a breach.
-    broken = margin < -1e-6 * scale
-    if not broken.any():
-        return []
-    first = int(np.argmax(broken.reshape(len(times), -1).any(axis=1)))
-    worst = np.unravel_index(int(np.argmin(margin)), margin.shape)
-    place = ", ".join(f"{x[i]:.4g}" for x, i in zip(grid.coordinates(), worst[1:], strict=True))
-    share = float(broken[-1].mean())
-    reason = (
-        "The algebraic covariance does not know this bound."
-        if closed_covariance
-        else "Theta is held fixed while the field feeds C."
-    )
-    return [
-        f"not realizable: |C|² > V from t = {times[first]:.4g} on (first output that shows it), "
-        f"by up to {-margin[worst]:.3g} at t = {times[worst[0]]:.4g}, x = {place}; "
-        f"{share:.0%} of the box at the end. {reason}"
     ]
 
 

@@ -181,6 +181,16 @@ def _remove(folder: Path) -> None:
             return
 
 
+def mark_partial(path: Path) -> None:
+    """Let a file be removed by `discard_partial_files`, until `mark_kept`."""
+    _partial.add(path)
+
+
+def mark_kept(path: Path) -> None:
+    """Let a file stay whatever happens; it need not have been partial."""
+    _partial.discard(path)
+
+
 def discard_partial_files() -> None:
     """Remove what other threads are writing, before the process ends under them."""
     for partial in tuple(_partial):
@@ -190,13 +200,15 @@ def discard_partial_files() -> None:
 
 
 @contextmanager
-def locked(path: str | PathLike[str]) -> Generator[None, None, None]:
+def locked(path: str | PathLike[str], name: str | None = None) -> Generator[None, None, None]:
     """Keep other processes from writing a file; the lock ends with the process, however it ends.
 
     Parameters
     ----------
     path : path-like
         The output file; the lock is a hidden file beside it, removed at the end.
+    name : str, optional
+        How to call the output in sentences.
 
     Raises
     ------
@@ -206,22 +218,23 @@ def locked(path: str | PathLike[str]) -> Generator[None, None, None]:
         If the folder can't be written to.
     """
     target = Path(path)
+    name = name or f"output {shown_path(target)}"
     lock = target.with_name(f".{target.name}.lock")
     try:
         handle = _acquired(lock)
     except BlockingIOError:
-        raise InputError(
-            f"output {shown_path(target)} is being written by another process."
-        ) from None
+        raise InputError(f"{name} is being written by another process.") from None
     except OSError as error:
         reason = shown(error.strerror or str(error), 200)[1:-1]
-        raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
+        raise TribofluxError(f"{name} can't be written: {reason}.") from error
+    mark_partial(lock)
     try:
         yield
     finally:
         # while it is held, so that nobody can be waiting for it; the folder may have vanished
         with suppress(OSError):
             lock.unlink(missing_ok=True)
+        mark_kept(lock)
         os.close(handle)
 
 

@@ -49,6 +49,9 @@ class Settings(eqx.Module):
         Stop when the largest |Q| in the box falls to this value, scaled by Q0.
     stop_at_rate : Scalar or None
         Stop when the rms of ∂Q/∂t falls to this value, scaled by Q0 √Θ/L.
+    realizability_bound : Scalar or None
+        Stop when |C|² − V rises to this value on one of the points, scaled by Q0²; for models with
+        a variance.
     max_steps : int
         Steps, rejected ones included, after which to return anyway.
     adjoint : diffrax.AbstractAdjoint
@@ -61,6 +64,7 @@ class Settings(eqx.Module):
     outputs: Float[Array, " outputs"] | None = None
     stop_at_peak_charge: Scalar | None = None
     stop_at_rate: Scalar | None = None
+    realizability_bound: Scalar | None = None
     max_steps: int = eqx.field(static=True, default=4096)
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
 
@@ -100,7 +104,8 @@ class Outcome(eqx.Module):
     accepted, rejected : Array
         Numbers of steps.
     stopped : dict of str to Array
-        Whether the rule ``"peak_charge"``, ``"rate"`` or ``"nonphysical"`` ended it.
+        Whether the rule ``"peak_charge"``, ``"rate"``, ``"nonphysical"`` or ``"unrealizable"``
+        ended it.
     finished : Array
         Whether it is over: stopped, at the end, or failed; otherwise `max_steps` were made.
     failed : Array
@@ -182,27 +187,11 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
         Output times before the carry's time are not allowed.
     """
     term, solver = semilinear_term(model, grid), ExponentialRungeKutta5()
-    broken = _broken(model, grid, carry.coefficients)
-    if broken is not None:
-        # A rule is found where it changes its sign, which one that is broken already never does.
-        times = ("t_end",) if settings.outputs is None else ("t_end", "outputs")
-        settings = eqx.tree_at(
-            lambda s: [getattr(s, name) for name in times],
-            settings,
-            replace_fn=lambda wanted: jnp.where(broken, carry.time, wanted),
-        )
+    broken = broken_bounds(model, carry.coefficients, grid, settings.realizability_bound)
+    if broken:
+        settings = _ending_at_once(settings, carry, jnp.any(jnp.stack(list(broken.values()))))
     controller = LadderController(settings.rtol, settings.atol)
-    estimate, _ = controller.init(
-        term,
-        carry.time,
-        settings.t_end,
-        carry.coefficients,
-        None,
-        None,
-        solver.func,
-        solver.error_order(term),
-    )
-    step = jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
+    step = _first_step(controller, term, carry, settings)
     rules = _stop_rules(model, term, grid, settings)
     root_finder = Illinois(jnp.maximum(STOP_PRECISION * settings.rtol, FINEST))
     solution = diffrax.diffeqsolve(
@@ -226,24 +215,7 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
         adjoint=settings.adjoint,
         throw=False,
     )
-    times: Any = solution.ts
-    states: Any = solution.ys
-    final = jax.tree.map(lambda y: y[0], states["end"])
-    exhausted = solution.result == diffrax.RESULTS.max_steps_reached
-    stopped: Any = solution.event_mask if rules else {}
-    if broken is not None:
-        stopped = stopped | {"nonphysical": stopped["nonphysical"] | broken}
-    next_step: Any = solution.controller_state
-    return Outcome(
-        Carry(times["end"][0], final, solution.solver_state, next_step),
-        times.get("outputs"),
-        states.get("outputs"),
-        solution.stats["num_accepted_steps"],
-        solution.stats["num_rejected_steps"],
-        stopped,
-        ~exhausted,
-        ~exhausted & ~diffrax.is_okay(solution.result),
-    )
+    return _outcome(solution, broken)
 
 
 def integrate(model: Model, state: Moments, grid: Grid, settings: Settings) -> Outcome:
@@ -278,11 +250,95 @@ def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
     return saved
 
 
-def _broken(model: Model, grid: Grid, coefficients: Moments) -> Bool[Array, ""] | None:
-    """Return whether an algebraic closure makes no sense at the start, None if there is none."""
-    if not model.limits:
-        return None
-    return model.margin(FourierCalculus(grid), coefficients) <= 0.0
+def broken_bounds(
+    model: Model, coefficients: Moments, grid: Grid, realizability_bound: Scalar | None
+) -> dict[str, Bool[Array, ""]]:
+    """Return which bounds a state breaks already, by the name of the rule.
+
+    Parameters
+    ----------
+    model : Model
+        Whose limits are bounds.
+    coefficients : Moments
+        The state.
+    grid : Grid
+        Where it lives.
+    realizability_bound : Scalar or None
+        See `Settings`.
+    """
+    bounds = _bounds(model, grid, realizability_bound)
+    return {name: margin(coefficients) <= 0.0 for name, margin in bounds.items()}
+
+
+def _bounds(
+    model: Model, grid: Grid, realizability_bound: Scalar | None
+) -> dict[str, Callable[[Moments], Array]]:
+    """Return functions of the state that have to stay positive."""
+    calculus = FourierCalculus(grid)
+    bounds: dict[str, Callable[[Moments], Array]] = {}
+    if model.limits:
+        bounds["nonphysical"] = lambda y: model.margin(calculus, y)
+    if realizability_bound is not None:
+
+        def margin(y: Moments) -> Array:
+            fields = model.fields(calculus, y)
+            breach = jnp.sum(fields.covariance**2, axis=0) - fields.variance
+            return realizability_bound - jnp.max(breach)
+
+        bounds["unrealizable"] = margin
+    return bounds
+
+
+def _ending_at_once(settings: Settings, carry: Carry, broken: Bool[Array, ""]) -> Settings:
+    """Return settings that make no step from a state that breaks a bound.
+
+    A rule is found where it changes its sign, which one that is broken already never does.
+    """
+    times = ("t_end",) if settings.outputs is None else ("t_end", "outputs")
+    return eqx.tree_at(
+        lambda s: [getattr(s, name) for name in times],
+        settings,
+        replace_fn=lambda wanted: jnp.where(broken, carry.time, wanted),
+    )
+
+
+def _first_step(
+    controller: LadderController, term: SemilinearTerm, carry: Carry, settings: Settings
+) -> Array:
+    """Return the length of the next step, from the carry or from an estimate."""
+    solver = ExponentialRungeKutta5()
+    estimate, _ = controller.init(
+        term,
+        carry.time,
+        settings.t_end,
+        carry.coefficients,
+        None,
+        None,
+        solver.func,
+        solver.error_order(term),
+    )
+    return jnp.where(carry.next_step > 0.0, carry.next_step, estimate - carry.time)
+
+
+def _outcome(solution: diffrax.Solution, broken: dict[str, Bool[Array, ""]]) -> Outcome:
+    """Return what has come of an integration that may have broken bounds at its start."""
+    times: Any = solution.ts
+    states: Any = solution.ys
+    final = jax.tree.map(lambda y: y[0], states["end"])
+    exhausted = solution.result == diffrax.RESULTS.max_steps_reached
+    stopped: Any = {} if solution.event_mask is None else solution.event_mask
+    stopped = stopped | {name: stopped[name] | already for name, already in broken.items()}
+    next_step: Any = solution.controller_state
+    return Outcome(
+        Carry(times["end"][0], final, solution.solver_state, next_step),
+        times.get("outputs"),
+        states.get("outputs"),
+        solution.stats["num_accepted_steps"],
+        solution.stats["num_rejected_steps"],
+        stopped,
+        ~exhausted,
+        ~exhausted & ~diffrax.is_okay(solution.result),
+    )
 
 
 def _stop_rules(
@@ -301,9 +357,10 @@ def _stop_rules(
     def rate(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
         return grid.rms(term.vf(t, y, args).charge) - values["rate"]
 
-    def nonphysical(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
-        return model.margin(FourierCalculus(grid), y)
+    def rule(margin: Callable[[Moments], Array]) -> Callable[..., Array]:
+        return lambda t, y, args, **kwargs: margin(y)
 
     rules = {"peak_charge": peak_charge, "rate": rate}
-    chosen = {name: rule for name, rule in rules.items() if values[name] is not None}
-    return chosen | {"nonphysical": nonphysical} if model.limits else chosen
+    chosen: dict[str, Any] = {n: rule for n, rule in rules.items() if values[n] is not None}
+    bounds = _bounds(model, grid, settings.realizability_bound)
+    return chosen | {name: rule(margin) for name, margin in bounds.items()}

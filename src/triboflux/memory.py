@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from triboflux.case_kinetic import Kinetic
 from triboflux.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,21 +16,27 @@ BYTES_OF_PARTICLE = 100
 """Upper bound of what the simulation of particles needs for each."""
 
 _BYTES = 8
+_STREAMED = 4
+"""Outputs held at a time while they stream to a file: on the points as they are written, and as
+Fourier coefficients, which are smaller, in a segment of steps of a large grid."""
 _GIBIBYTE = 2**30
 
 
-def memory_estimate(case: Case) -> int:
+def memory_estimate(case: Case, *, streamed: bool = False) -> int:
     """Estimate the peak memory of a run on top of the bare program.
 
     With ``d`` dimensions, the integrator needs about ``180 + 30 d`` arrays of doubles on the grid
     for stages, functions of the operator and transforms, and every output time twice ``3 d + 5``
     arrays for charge, covariance, variance, field, potential and realizability margin, as they
-    come and as they are stacked. ``python -m benchmarks.boxes`` measures both.
+    come and as they are stacked; of outputs that stream to a file a few are held at a time.
+    ``python -m benchmarks.boxes`` measures both.
 
     Parameters
     ----------
     case : Case
         A validated case.
+    streamed : bool
+        Whether outputs go to a file as they come.
 
     Returns
     -------
@@ -40,6 +47,7 @@ def memory_estimate(case: Case) -> int:
     outputs = case.run.outputs
     # the initial and the last time are kept besides a count of outputs
     times = outputs + 2 if isinstance(outputs, int) else len(outputs) + 1
+    times = min(times, _STREAMED) if streamed else times
     working = 180 + 30 * dimensions
     return _BYTES * case.grid.size * (working + 2 * times * (3 * dimensions + 5))
 
@@ -72,45 +80,50 @@ def _limit_of_container() -> int | None:
         return None  # no such file, or "max"
 
 
-def require_memory(case: Case) -> None:
+def require_memory(case: Case, *, streamed: bool = False) -> None:
     """Refuse a case that does not fit in the available memory.
 
     Parameters
     ----------
     case : Case
         A validated case.
+    streamed : bool
+        Whether outputs go to a file as they come.
 
     Raises
     ------
     InputError
         Names the estimate, what is available, and what to change.
     """
-    needed, available = memory_estimate(case), available_memory()
+    needed, available = memory_estimate(case, streamed=streamed), available_memory()
     if available is None or needed <= available:
         return
     outputs = case.run.outputs
     count = outputs if isinstance(outputs, int) else len(outputs)
+    held = "" if streamed else f" with {count} outputs"
     raise InputError.about(
         "grid.points",
-        f"is {list(case.grid.points)}, which with {count} outputs needs about "
+        f"is {list(case.grid.points)}, which{held} needs about "
         f"{needed / _GIBIBYTE:,.3g} GiB of memory, but must fit in the available "
         f"{available / _GIBIBYTE:,.3g} GiB",
     )
 
 
-def require_memory_for_particles(particles: int) -> None:
+def require_memory_for_particles(case: Case) -> None:
     """Refuse more simulated particles than fit in the available memory.
 
     Parameters
     ----------
-    particles : int
-        In all ensembles together.
+    case : Case
+        Whose table ``[kinetic]`` says how many there are.
 
     Raises
     ------
     InputError
         Names the estimate and what is available.
     """
+    options = case.kinetic or Kinetic()
+    particles = options.particles * options.ensembles
     needed, available = BYTES_OF_PARTICLE * particles, available_memory()
     if available is not None and needed > available:
         raise InputError.about(

@@ -240,12 +240,19 @@ def build_dataset(
             "case_toml": case.to_toml(),
             "status": status,
             "stop_reason": stop_reason,
-            "stats_json": json.dumps(dict(stats), default=_plain),
-            "warnings_json": json.dumps(list(warnings)),
+            **stats_and_warnings(stats, warnings),
             "versions_json": json.dumps(versions()),
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
         },
     )
+
+
+def stats_and_warnings(stats: Mapping[str, Any], warnings: Sequence[str]) -> dict[str, str]:
+    """Return the attributes of a dataset that hold statistics and warnings."""
+    return {
+        "stats_json": json.dumps(dict(stats), default=_plain),
+        "warnings_json": json.dumps(list(warnings)),
+    }
 
 
 def _plain(value: Any) -> Any:

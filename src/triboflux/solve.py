@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import time as clock
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -13,48 +11,39 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from triboflux import closures, diagnostics, models
+from triboflux import case_checks, closures, diagnostics, models
+from triboflux.breaches import RealizabilityWatch
 from triboflux.calculus import FourierCalculus
-from triboflux.errors import InputError
+from triboflux.checkpoint import Schedule, path_beside
+from triboflux.errors import shown_path
+from triboflux.files import require_writable
 from triboflux.grid import Grid
-from triboflux.initial_state import initial_fields
-from triboflux.integrate import Carry, Outcome, Settings, advance, begin
+from triboflux.keeping import FileKeeper, Keeper
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
-from triboflux.progress import Progress, fraction_done
-from triboflux.result import Result, build_dataset
+from triboflux.progress import Progress
+from triboflux.result import Result, build_dataset, stats_and_warnings
+from triboflux.result_file import times_at_once, write_result
+from triboflux.segments import Segments
+from triboflux.sweep_member import decisive_versions
 
 if TYPE_CHECKING:
-    from jaxtyping import Array
+    import xarray as xr
 
     from triboflux.case import Case
 
-# A segment has to end often enough to show progress, and seldom enough to cost nothing.
-SMALL_GRID, STEPS_SMALL, STEPS_LARGE = 2**14, 256, 4
-
-_begin = eqx.filter_jit(begin)
-_advance = eqx.filter_jit(advance)
+__all__ = ["Progress", "solve", "solve_to_file"]
 
 
-@dataclass
-class _Record:
-    """What has come out of the segments so far."""
-
-    times: list[float] = field(default_factory=list)
-    fields: list[dict[str, np.ndarray]] = field(default_factory=list)
-    accepted: int = 0
-    rejected: int = 0
-
-    def add(self, model: models.Model, grid: Grid, time: float, coefficients: Moments) -> None:
-        self.times.append(time)
-        observed = _observe(model, grid, coefficients)
-        self.fields.append({name: np.asarray(values) for name, values in observed.items()})
-
-    def stacked(self) -> dict[str, np.ndarray]:
-        return {name: np.stack([f[name] for f in self.fields]) for name in self.fields[0]}
-
-
-def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) -> Result:
+def solve(
+    case: Case,
+    *,
+    on_progress: Callable[[Progress], None] | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+    resume: bool = False,
+    checkpoint_minutes: float = 5.0,
+    checkpoint_steps: int | None = None,
+) -> Result:
     """Run a case.
 
     Parameters
@@ -63,154 +52,219 @@ def solve(case: Case, *, on_progress: Callable[[Progress], None] | None = None) 
         What to run.
     on_progress : Callable, optional
         Called with a `Progress` after every segment of steps.
+    checkpoint : path-like, optional
+        A file in which to keep what the run needs to go on, with its outputs beside it; both are
+        removed at the end. It is also written when the run is interrupted or fails.
+    resume : bool
+        Go on from the checkpoint if it exists, and end with the same dataset, bit for bit on the
+        same machine.
+    checkpoint_minutes : float
+        Time between two checkpoints, at least; one is written after a segment of steps only.
+    checkpoint_steps : int, optional
+        Steps between two checkpoints, besides.
 
     Returns
     -------
     Result
         Its status is ``"ok"`` if the run ended as the case asks, ``"diverged"`` if the step size
-        collapsed, ``"nonphysical"`` if an algebraic closure made no sense any longer; everything
-        up to there is in the dataset.
+        collapsed, ``"nonphysical"`` if an algebraic closure made no sense any longer or the case's
+        bound of realizability was reached; everything up to there is in the dataset.
 
     Raises
     ------
     InputError
-        If the stop value lies above the initial peak charge.
+        If the stop value lies above the initial peak charge, or the checkpoint is not of this case,
+        damaged, or being written by another process.
     OutOfRangeError
         If the numbers are outside the range of validity of the closures.
+    TribofluxError
+        If the checkpoint can't be written.
     """
-    started = clock.perf_counter()
     require_memory(case)
-    closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
-    model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
-    warnings = [
-        *models.validity(
-            model.coefficients, closure_set, case.run.allow_out_of_range, model_name=case.model
-        ),
-        *diagnostics.unused_initial_warnings(case, model),
-    ]
-    # As arrays, so that a case with other numbers reuses the compiled program.
-    model = jax.tree.map(jnp.asarray, model)
-    grid = Grid(case.grid.points, case.grid.lengths)
-    carry = _begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
-    _check_stop_value(case, float(_peak(grid, carry.coefficients)))
-
-    record = _Record()
-    if model.limits and float(_margin(model, grid, carry.coefficients)) <= 0.0:
-        record.add(model, grid, 0.0, carry.coefficients)
-        status, reason = "nonphysical", diagnostics.broken_limit(model, grid, carry)
+    if checkpoint is None:
+        keeper = Keeper()
     else:
-        outcome = _run_segments(case, model, grid, carry, record, on_progress)
-        carry = outcome.carry
-        status, reason = _ending(case, model, grid, outcome)
-    times, fields = np.array(record.times), record.stacked()
-    if status == "ok":
-        warnings += diagnostics.resolution_warnings(grid, carry.coefficients)
-    warnings += diagnostics.realizability_warnings(
-        grid, times, fields, closed_covariance="covariance" not in model.evolves
-    )
-    stats = {
-        "accepted": record.accepted,
-        "rejected": record.rejected,
-        "seconds": round(clock.perf_counter() - started, 3),
-    }
-    dataset = build_dataset(
-        case,
-        times,
-        **fields,
-        status=status,
-        stop_reason=reason,
-        stats=stats,
-        warnings=warnings,
-        attributes={"trace_dimensions": closure_set.trace_dimensions(grid.dimensions)},
-    )
-    return Result(dataset)
-
-
-def _check_stop_value(case: Case, peak: float) -> None:
-    value = case.run.stop_at_peak_charge
-    if value is not None and value >= peak:
-        raise InputError(
-            f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
-            f"charge, {peak:.6g}."
+        keeper = _keeper(
+            case,
+            checkpoint,
+            name=f"checkpoint {shown_path(checkpoint)}",
+            resume=resume,
+            overwrite=False,
+            schedule=Schedule(checkpoint_minutes, checkpoint_steps),
+            interrupted=None,
         )
+    with keeper:
+        run = _Run(case, keeper)
+        run.complete(on_progress)
+        (dataset,) = run.datasets(len(keeper.records))
+        return Result(dataset.assign_attrs(run.final_attributes()))
 
 
-def _run_segments(
+def solve_to_file(
     case: Case,
-    model: models.Model,
-    grid: Grid,
-    carry: Carry,
-    record: _Record,
-    on_progress: Callable[[Progress], None] | None,
-) -> Outcome:
-    """Integrate segment by segment, recording outputs, until the run is over."""
-    run = case.run
-    wanted = np.array(run.output_times)
-    small = math.prod(grid.points) <= SMALL_GRID
-    settings = Settings(
-        *map(jnp.asarray, (run.t_end, run.rtol, run.atol)),
-        stop_at_peak_charge=_optional(run.stop_at_peak_charge),
-        stop_at_rate=_optional(run.stop_at_rate),
-        max_steps=STEPS_SMALL if small else STEPS_LARGE,
+    path: str | PathLike[str],
+    *,
+    units: str = "scaled",
+    overwrite: bool = False,
+    resume: bool = False,
+    checkpoint_minutes: float = 5.0,
+    checkpoint_steps: int | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    interrupted: Callable[[], bool] | None = None,
+) -> Result:
+    """Run a case and write its result, with a memory that does not grow with its outputs.
+
+    Outputs stream into a file beside ``path``, and a checkpoint is kept there while the run goes
+    on; both are removed at the end.
+
+    Parameters
+    ----------
+    case : Case
+        What to run.
+    path : path-like
+        The NetCDF file to write; `triboflux.load` reads it.
+    units : str
+        ``"scaled"`` or ``"si"``.
+    overwrite : bool
+        Replace an existing file, and discard a checkpoint unless it is to be resumed.
+    resume, checkpoint_minutes, checkpoint_steps, on_progress
+        As for `solve`; the checkpoint's name is that of the file with ``.checkpoint`` after it.
+    interrupted : callable, optional
+        Asked after every segment of steps whether to stop.
+
+    Returns
+    -------
+    Result
+        The last time of the result that was written, with all its attributes.
+
+    Raises
+    ------
+    InputError
+        As for `solve`, and if the file exists or its folder can't be written to.
+    OutOfRangeError
+        As for `solve`.
+    InterruptionError
+        If the run was asked to stop; what is computed is in the checkpoint.
+    TribofluxError
+        If writing fails; what is computed is in the checkpoint if that could still be written.
+    """
+    case_checks.check_units(case, units)
+    require_writable(path, overwrite=overwrite)
+    require_memory(case, streamed=True)
+    keeper = _keeper(
+        case,
+        path_beside(path),
+        name=f"output {shown_path(path)}",
+        resume=resume,
+        overwrite=overwrite,
+        schedule=Schedule(checkpoint_minutes, checkpoint_steps),
+        interrupted=interrupted,
     )
-    initial_peak = max(float(_peak(grid, carry.coefficients)), 1e-300)
-    done = 0.0
-    while True:
-        # Times that are done move to the end, where they are recorded again only if it is reached.
-        pending = np.full_like(wanted, run.t_end)
-        left = wanted[len(record.times) :]
-        pending[: len(left)] = left
-        segment = eqx.tree_at(
-            lambda s: s.outputs, settings, jnp.asarray(pending), is_leaf=lambda x: x is None
+    with keeper:
+        run = _Run(case, keeper)
+        run.complete(on_progress)
+        return write_result(
+            path,
+            len(keeper.records),
+            run.datasets(times_at_once(case.grid.size)),
+            run.final_attributes,
+            units=units,
+            overwrite=overwrite,
+            before_each=keeper.consider_stopping,
         )
-        outcome = _advance(model, carry, grid, segment)
-        reached = min(int(np.sum(np.isfinite(outcome.times))), len(left))
-        for i in range(reached):
-            record.add(model, grid, left[i], jax.tree.map(lambda a: a[i], outcome.outputs))  # noqa: B023
-        record.accepted += int(outcome.accepted)
-        record.rejected += int(outcome.rejected)
-        carry = outcome.carry
-        if on_progress is not None:
-            peak = float(_peak(grid, carry.coefficients))
-            # The peak may rise again, but what is done stays done.
-            done = max(done, fraction_done(run, float(carry.time), peak, initial_peak))
-            now = Progress(
-                float(carry.time), run.t_end, record.accepted, record.rejected, peak, done
+
+
+def _keeper(case: Case, path: str | PathLike[str], **choices: Any) -> FileKeeper:
+    return FileKeeper(path, case, kind="solve", versions=decisive_versions(), **choices)
+
+
+class _Run:
+    """A run from its case to the datasets of its outputs.
+
+    Parameters
+    ----------
+    case : Case
+        What to run.
+    keeper : Keeper
+        Where its outputs go, and perhaps where it goes on from.
+    """
+
+    def __init__(self, case: Case, keeper: Keeper) -> None:
+        self._case, self._keeper = case, keeper
+        closure_set = closures.by_name(case.closures, case.numbers.restitution, case.exponent)
+        model = models.build(case.model, case.numbers, closure_set, dimensions=case.grid.dimensions)
+        self._warnings = [
+            *models.validity(
+                model.coefficients, closure_set, case.run.allow_out_of_range, model_name=case.model
+            ),
+            *diagnostics.unused_initial_warnings(case, model),
+        ]
+        # As arrays, so that a case with other numbers reuses the compiled program.
+        self._model = jax.tree.map(jnp.asarray, model)
+        self._grid = Grid(case.grid.points, case.grid.lengths)
+        self._attributes = {"trace_dimensions": closure_set.trace_dimensions(self._grid.dimensions)}
+        self._segments = Segments(case, self._model, self._grid)
+        keeper.take(self._segments)
+        closed = "covariance" not in model.evolves
+        self._watch = RealizabilityWatch(self._grid, closed_covariance=closed)
+
+    def complete(self, on_progress: Callable[[Progress], None] | None) -> None:
+        """Make segments until the run is over."""
+        segments = self._segments
+        while segments.position.ending is None:
+            segments.advance(self._keeper.records, estimate=on_progress is not None)
+            if on_progress is not None and segments.position.steps:
+                on_progress(segments.progress())
+            self._keeper.consider()
+
+    def datasets(self, count: int) -> Iterator[xr.Dataset]:
+        """Give the outputs, so many times at once, without what `final_attributes` returns."""
+        records, position = self._keeper.records, self._segments.position
+        assert position.ending is not None
+        status, reason = position.ending
+        for start in range(0, len(records), count):
+            chosen = range(start, min(start + count, len(records)))
+            times, fields = self._observed(chosen)
+            self._watch.add(times, fields)
+            yield build_dataset(
+                self._case,
+                times,
+                status=status,
+                stop_reason=reason,
+                stats={},
+                attributes=self._attributes,
+                **fields,
             )
-            on_progress(now)
-        if bool(outcome.finished):
-            break
-    time = float(carry.time)
-    if not record.times or record.times[-1] < time:
-        record.add(model, grid, time, carry.coefficients)
-    return outcome
 
+    def final_attributes(self) -> dict[str, str]:
+        """Return the attributes that are known only when all datasets have been made."""
+        position = self._segments.position
+        stats = {
+            "accepted": position.accepted,
+            "rejected": position.rejected,
+            "seconds": round(self._keeper.seconds, 3),
+        }
+        assert position.ending is not None
+        resolution = (
+            diagnostics.resolution_warnings(self._grid, position.carry.coefficients)
+            if position.ending[0] == "ok"
+            else []
+        )
+        return stats_and_warnings(stats, [*self._warnings, *resolution, *self._watch.warnings()])
 
-def _optional(value: float | None) -> Array | None:
-    return None if value is None else jnp.asarray(value)
-
-
-def _ending(case: Case, model: models.Model, grid: Grid, outcome: Outcome) -> tuple[str, str]:
-    """Return status and reason of the end of a run."""
-    if bool(outcome.failed):
-        return "diverged", f"the step size collapsed at t = {float(outcome.carry.time):.6g}"
-    if bool(outcome.stopped.get("nonphysical", False)):
-        return "nonphysical", diagnostics.broken_limit(model, grid, outcome.carry)
-    if bool(outcome.stopped.get("peak_charge", False)):
-        return "ok", f"peak charge fell to {case.run.stop_at_peak_charge:g}"
-    if bool(outcome.stopped.get("rate", False)):
-        return "ok", f"the rate of change of the charge fell to {case.run.stop_at_rate:g}"
-    return "ok", f"reached t_end = {case.run.t_end:g}"
-
-
-@eqx.filter_jit
-def _peak(grid: Grid, coefficients: Moments) -> Array:
-    return grid.peak(coefficients.charge)
-
-
-@eqx.filter_jit
-def _margin(model: models.Model, grid: Grid, coefficients: Moments) -> Array:
-    return model.margin(FourierCalculus(grid), coefficients)
+    def _observed(self, chosen: Sequence[int]) -> tuple[np.ndarray, dict[str, Any]]:
+        """Return times and fields of some outputs."""
+        times = np.empty(len(chosen))
+        fields: dict[str, Any] = {}
+        for place, index in enumerate(chosen):
+            record = self._keeper.records[index]
+            times[place] = record["time"]
+            evolved = {name: jnp.asarray(record[name]) for name in self._model.evolves}
+            for name, values in _observe(self._model, self._grid, Moments(**evolved)).items():
+                if name not in fields:
+                    fields[name] = np.empty((len(chosen), *values.shape))
+                fields[name][place] = values
+        return times, fields
 
 
 @eqx.filter_jit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import threading
 import time
@@ -30,21 +31,64 @@ Outcome = TypeVar("Outcome")
 
 
 @contextmanager
-def interruptible(consequence: str) -> Generator[None, None, None]:
+def interruptible(consequence: str | Callable[[], str]) -> Generator[None, None, None]:
     """Turn Ctrl-C into one line on stderr and exit code 130.
 
     Parameters
     ----------
-    consequence : str
-        What the line says about files.
+    consequence : str or callable
+        What the line says about files, or what returns that.
     """
     try:
         yield
-    except KeyboardInterrupt:
-        print(f"interrupted: {consequence}", file=sys.stderr, flush=True)
+    except KeyboardInterrupt as interrupt:
         discard_partial_files()
+        told = consequence if isinstance(consequence, str) else consequence()
+        print(f"interrupted: {told}", file=sys.stderr, flush=True)
         # JAX may still be computing in other threads, under which an orderly exit pulls the rug
-        os._exit(EXIT_INTERRUPTED)
+        os._exit(interrupt.args[0] if interrupt.args else EXIT_INTERRUPTED)
+
+
+class Interruption:
+    """Notes that the process was asked to stop, by Ctrl-C or SIGTERM; a context manager.
+
+    Called, it tells whether that is so; whoever calls it promises to save its work and end then.
+    Asked once more, or before there is anything to save, the process stops at once, by a
+    KeyboardInterrupt whose argument is the exit code.
+    """
+
+    def __init__(self) -> None:
+        self._awaited = False
+        self._before: dict[int, Any] = {}
+        self.exit_code: int | None = None
+
+    def __enter__(self) -> Interruption:
+        """Take the signals."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Give the signals back."""
+        for number, before in self._before.items():
+            signal.signal(number, before)
+
+    def __call__(self) -> bool:
+        """Return whether the process was asked to stop."""
+        self._awaited = True
+        return self.exit_code is not None
+
+    def _note(self, number: int, frame: object) -> None:
+        at_once = not self._awaited or self.exit_code is not None
+        self.exit_code = 128 + number
+        if at_once:
+            raise KeyboardInterrupt(self.exit_code)
+        print(
+            "interrupted: finishing the running segment of steps to write a checkpoint; once more "
+            "stops at once",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def in_background(work: Callable[[], Outcome]) -> Outcome:

@@ -28,8 +28,8 @@ class LadderController(diffrax.AbstractAdaptiveStepSizeController):
     A step is accepted if ``|error| <= atol + rtol max(|y0|, |y1|)`` for every leaf of the state,
     each in its Euclidean norm. Proposed steps are rounded down to a power of √2, so that an
     exponential integrator seldom has to make its functions anew, and a step that was accepted is
-    never shortened. Its state is the unclipped length of the next step, from which a run can be
-    continued.
+    never shortened; one to a state that is not finite is always rejected. Its state is the
+    unclipped length of the next step, from which a run can be continued.
 
     Attributes
     ----------
@@ -81,8 +81,10 @@ class LadderController(diffrax.AbstractAdaptiveStepSizeController):
         """Accept or reject a step and propose the next; see the base class."""
 
         def ratio(start: Array, stop: Array, error: Array) -> Array:
-            scale = self.atol + self.rtol * jnp.maximum(self.norm(start), self.norm(stop))
-            return self.norm(error) / scale
+            size = self.norm(stop)
+            scale = self.atol + self.rtol * jnp.maximum(self.norm(start), size)
+            # Beside a state that has overflowed every error is small.
+            return jnp.where(jnp.isfinite(size), self.norm(error) / scale, jnp.inf)
 
         ratios = jax.tree.leaves(jax.tree.map(ratio, y0, y1_candidate, y_error))
         worst = lax.stop_gradient(jnp.max(jnp.stack(ratios)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,14 +12,14 @@ from triboflux.result import build_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from triboflux.case import Case
 
 
 def dataset_of(
     case: Case,
-    times: Sequence[float],
+    times: ArrayLike,
     records: Mapping[str, NDArray[np.float64]],
     **provenance: Any,
 ) -> xr.Dataset:
@@ -29,7 +29,7 @@ def dataset_of(
     ----------
     case : Case
         What was simulated.
-    times : sequence of float
+    times : array_like
         Of the outputs.
     records : mapping of str to numpy.ndarray
         Each variable and, with the ending `triboflux.fields.STANDARD_ERROR`, its standard error, of

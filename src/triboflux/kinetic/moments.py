@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 SMOOTH_WAVES = 8
 """Waves of the mean charge that its largest value is found from; shorter ones are noise."""
 
+MOMENTS = ("charge", "covariance", "variance", "field", "potential", "realizability_margin")
+MOMENTS += ("number_density", "mean_velocity", "granular_temperature", "granular_temperature_xx")
+MOMENTS += ("covariance_flux_xx", "covariance_flux_trace", "variance_flux")
+"""What `moments_of` returns."""
+
 _FINE = 1024
 
 
@@ -34,7 +39,7 @@ def moments_of(ensemble: Ensemble) -> dict[str, NDArray[np.float64]]:
     Returns
     -------
     dict of str to numpy.ndarray
-        Each of shape ``(points,)``, by the names of the dataset of `triboflux.kinetic.simulate`.
+        Each of shape ``(points,)``, by the names in `MOMENTS`.
     """
     s = dict(zip(SUMS, ensemble.sums(), strict=True))
     count = s["count"]

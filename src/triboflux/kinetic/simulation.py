@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
-import time as clock
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from os import PathLike
@@ -13,40 +11,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from triboflux import checkpoint as checkpoints
-from triboflux.case_kinetic import Kinetic
-from triboflux.checkpoint import InterruptionError, Schedule
+from triboflux import case_checks
+from triboflux.checkpoint import Schedule, path_beside
 from triboflux.errors import InputError, shown_path
-from triboflux.fields import STANDARD_ERROR
+from triboflux.files import require_writable
+from triboflux.keeping import FileKeeper, Keeper
 from triboflux.kinetic.dataset import dataset_of
-from triboflux.kinetic.ensemble import Ensemble, Parameters
-from triboflux.kinetic.moments import mean_and_error, moments_of, peak_charge
-from triboflux.kinetic.saved import KIND, State, from_checkpoint, to_checkpoint
-from triboflux.kinetic.start import draw_particles
+from triboflux.kinetic.segments import ParticleSegments
 from triboflux.memory import require_memory_for_particles
-from triboflux.progress import Progress, fraction_done
-from triboflux.result import Result
+from triboflux.result import Result, stats_and_warnings
+from triboflux.result_file import times_at_once, write_result
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    import xarray as xr
 
     from triboflux.case import Case
-
-_CHECKS = 1000
-"""How often at least the stop rule is looked at in a run."""
-_PARTICLE_STEPS = 2e7
-"""Work of an ensemble between two reports of progress, about a second."""
+    from triboflux.progress import Progress
 
 
 def simulate(
     case: Case,
     *,
     workers: int | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
     checkpoint: str | PathLike[str] | None = None,
     resume: bool = False,
-    schedule: Schedule | None = None,
-    interrupted: Callable[[], bool] | None = None,
-    on_progress: Callable[[Progress], None] | None = None,
+    checkpoint_minutes: float = 5.0,
+    checkpoint_steps: int | None = None,
 ) -> Result:
     """Simulate the particles of a case.
 
@@ -62,16 +53,10 @@ def simulate(
         In one space dimension; velocities have three.
     workers : int, optional
         Number of threads; one per usable core by default. It does not change the result.
-    checkpoint : path-like, optional
-        File from which an interrupted simulation can go on; it is removed at the end.
-    resume : bool
-        Go on from the checkpoint. The result is bit for bit that of an uninterrupted run.
-    schedule : Schedule, optional
-        When a checkpoint is due; every five minutes by default.
-    interrupted : Callable, optional
-        Asked about once a second whether to write a checkpoint and stop.
     on_progress : Callable, optional
         Called with a `triboflux.progress.Progress` about once a second.
+    checkpoint, resume, checkpoint_minutes, checkpoint_steps
+        As for `triboflux.solve`.
 
     Returns
     -------
@@ -86,202 +71,118 @@ def simulate(
     ------
     InputError
         If the case does not fit a particle simulation, or the checkpoint not the case.
-    InterruptionError
-        If it was interrupted; the checkpoint, if any, is written.
     TribofluxError
         If a checkpoint can't be written.
     """
-    started = clock.perf_counter()
-    parameters = Parameters.of(case)
-    _check_rules(case)
-    options = case.kinetic or Kinetic()
-    require_memory_for_particles(options.particles * options.ensembles)
-    keeper = None if checkpoint is None else _Keeper(case, checkpoint, schedule or Schedule())
-    with ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
-        run = _Simulation(case, parameters, pool)
-        if resume and keeper is not None:
-            run.state = keeper.read(parameters)
-        else:
-            run.begin()
-        status, reason = _finish(run, keeper, interrupted, on_progress)
-    if keeper is not None:
-        keeper.remove()
-    stats = run.statistics() | {"seconds": round(clock.perf_counter() - started, 3)}
-    return Result(run.dataset(status, reason, stats))
-
-
-def _finish(
-    run: _Simulation,
-    keeper: _Keeper | None,
-    interrupted: Callable[[], bool] | None,
-    on_progress: Callable[[Progress], None] | None,
-) -> tuple[str, str]:
-    """Run to the end, keeping checkpoints, and return status and reason."""
-    ending = None
-    while ending is None:
-        ending = run.go_on()
-        if on_progress is not None:
-            on_progress(run.progress())
-        if ending is None and interrupted is not None and interrupted():
-            where = f"at t = {run.state.time:.6g}"
-            if keeper is None:
-                raise InterruptionError(f"interrupted {where}; without a checkpoint all is lost.")
-            keeper.write(run.state)
-            raise InterruptionError(f"interrupted {where}; {keeper.told}")
-        if ending is None and keeper is not None:
-            keeper.write_if_due(run.state)
-    return ending
-
-
-class _Keeper:
-    """Writes and reads the checkpoints of a simulation."""
-
-    def __init__(self, case: Case, path: str | PathLike[str], schedule: Schedule) -> None:
-        self._case, self._path, self._schedule = case, path, schedule
-        names = ("triboflux", "numpy", "numba")
-        self._versions = {name: metadata.version(name) for name in names}
-        self.told = f"the checkpoint is {shown_path(path)}."
-
-    def read(self, parameters: Parameters) -> State:
-        saved = checkpoints.read(
-            self._path, kind=KIND, case_toml=self._case.to_toml(), versions=self._versions
+    _check(case)
+    if checkpoint is None:
+        keeper = Keeper()
+    else:
+        keeper = _keeper(
+            case,
+            checkpoint,
+            name=f"checkpoint {shown_path(checkpoint)}",
+            resume=resume,
+            overwrite=False,
+            schedule=Schedule(checkpoint_minutes, checkpoint_steps),
+            interrupted=None,
         )
-        options = self._case.kinetic or Kinetic()
-        return from_checkpoint(saved, parameters, (options.ensembles, options.particles))
+    with keeper, _pool(workers) as pool:
+        run = _Simulation(case, pool, keeper)
+        run.complete(on_progress)
+        (dataset,) = run.datasets(len(keeper.records))
+        return Result(dataset.assign_attrs(run.final_attributes()))
 
-    def write(self, state: State) -> None:
-        checkpoints.write(self._path, to_checkpoint(self._case, self._versions, state))
 
-    def write_if_due(self, state: State) -> None:
-        steps = state.ensembles[0].steps
-        if self._schedule.due(steps):
-            self.write(state)
-            self._schedule.written(steps)
+def simulate_to_file(
+    case: Case,
+    path: str | PathLike[str],
+    *,
+    workers: int | None = None,
+    units: str = "scaled",
+    overwrite: bool = False,
+    resume: bool = False,
+    checkpoint_minutes: float = 5.0,
+    checkpoint_steps: int | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    interrupted: Callable[[], bool] | None = None,
+) -> Result:
+    """Simulate the particles of a case and write the result.
 
-    def remove(self) -> None:
-        checkpoints.remove(self._path)
+    Outputs stream into a file beside ``path``, and a checkpoint is kept there meanwhile.
+
+    Parameters
+    ----------
+    case : Case
+        As for `simulate`.
+    path : path-like
+        The NetCDF file to write; `triboflux.load` reads it.
+    workers : int, optional
+        As for `simulate`.
+    units, overwrite, resume, checkpoint_minutes, checkpoint_steps, on_progress, interrupted
+        As for `triboflux.solve.solve_to_file`.
+
+    Returns
+    -------
+    Result
+        The last time of the result that was written, with all its attributes.
+
+    Raises
+    ------
+    InputError
+        As for `simulate`, and if the file exists or its folder can't be written to.
+    InterruptionError
+        If the simulation was asked to stop; what is computed is in the checkpoint.
+    TribofluxError
+        If writing fails; what is computed is in the checkpoint if that could still be written.
+    """
+    case_checks.check_units(case, units)
+    _check(case)
+    require_writable(path, overwrite=overwrite)
+    keeper = _keeper(
+        case,
+        path_beside(path),
+        name=f"output {shown_path(path)}",
+        resume=resume,
+        overwrite=overwrite,
+        schedule=Schedule(checkpoint_minutes, checkpoint_steps),
+        interrupted=interrupted,
+    )
+    with keeper, _pool(workers) as pool:
+        run = _Simulation(case, pool, keeper)
+        run.complete(on_progress)
+        return write_result(
+            path,
+            len(keeper.records),
+            run.datasets(times_at_once(case.grid.size)),
+            run.final_attributes,
+            units=units,
+            overwrite=overwrite,
+            before_each=keeper.consider_stopping,
+        )
 
 
 class _Simulation:
-    """A simulation that goes on step by step."""
+    """A simulation from its case to the datasets of its outputs."""
 
-    def __init__(self, case: Case, parameters: Parameters, pool: ThreadPoolExecutor) -> None:
-        self._case, self._parameters, self._pool = case, parameters, pool
-        self._options = case.kinetic or Kinetic()
-        outputs = case.run.output_times
-        self._targets = outputs if outputs[-1] == case.run.t_end else (*outputs, case.run.t_end)
-        self.state: State
+    def __init__(self, case: Case, pool: ThreadPoolExecutor, keeper: Keeper) -> None:
+        self._case, self._keeper = case, keeper
+        self._segments = ParticleSegments(case, pool)
+        keeper.take(self._segments)
 
-    def begin(self) -> None:
-        """Draw the particles."""
-        seeds = np.random.SeedSequence(self._options.seed).spawn(self._options.ensembles)
-        ensembles = list(self._pool.map(self._draw, seeds))
-        none = (0.0, math.inf, math.inf)
-        self.state = State(ensembles, _totals(ensembles), 0.0, 0, 0, 0.0, [], [], none, none)
-        self._check_peak()
-        self.state.initial_peak = peak = self.state.peak[1]
-        stop = self._case.run.stop_at_peak_charge
-        if stop is not None and stop >= peak:
-            raise InputError(
-                f"run.stop_at_peak_charge: {stop:g} is not allowed; it must be below the initial "
-                f"peak charge, {peak:.6g}."
-            )
-        if self._targets[0] == 0.0:
-            self._record()
-            self.state.interval = 1
+    def complete(self, on_progress: Callable[[Progress], None] | None) -> None:
+        """Make segments until the simulation is over."""
+        while self._segments.position.ending is None:
+            self._segments.advance(self._keeper.records)
+            if on_progress is not None:
+                on_progress(self._segments.progress())
+            self._keeper.consider()
 
-    def _draw(self, seed: np.random.SeedSequence) -> Ensemble:
-        of_particles, of_collisions = seed.spawn(2)
-        random = np.random.default_rng(of_particles)
-        particles = draw_particles(self._case, self._options.particles, random)
-        words = of_collisions.generate_state(4, np.uint64).astype(np.uint64)
-        return Ensemble(self._parameters, particles, words)
-
-    def go_on(self) -> tuple[str, str] | None:
-        """Make some steps; return status and reason if that was the end."""
-        run, state = self._case.run, self.state
-        start = self._targets[state.interval - 1] if state.interval else 0.0
-        end = self._targets[state.interval]
-        steps = max(1, math.ceil((end - start) / self._parameters.time_step - 1e-9))
-        size = (end - start) / steps
-        chunk = self._chunk(size, steps)
-        list(self._pool.map(lambda ensemble: ensemble.advance(chunk, size), state.ensembles))
-        state.step += chunk
-        state.time = end if state.step == steps else start + state.step * size
-        if not all(np.isfinite(e.particles).all() for e in state.ensembles):
-            return "diverged", f"particles were not finite any longer at t = {state.time:.6g}"
-        self._check_peak()
-        stop = run.stop_at_peak_charge
-        if stop is not None and state.peak[1] <= stop:
-            self._record()
-            return "ok", f"peak charge fell to {stop:g}"
-        if state.step == steps:
-            self._record()
-            state.interval, state.step = state.interval + 1, 0
-        if state.interval == len(self._targets):
-            return "ok", f"reached t_end = {run.t_end:g}"
-        return None
-
-    def _chunk(self, size: float, steps: int) -> int:
-        """Return how many steps to make until the next check or report."""
-        particles = len(self.state.ensembles[0].particles)
-        most = max(1, int(_PARTICLE_STEPS / particles))
-        if self._case.run.stop_at_peak_charge is not None:
-            every = max(1, int(self._case.run.t_end / (_CHECKS * size)))
-            most = min(most, every - self.state.step % every)
-        return min(most, steps - self.state.step)
-
-    def _check_peak(self) -> None:
-        state, points = self.state, self._parameters.points
-        charges = list(self._pool.map(lambda e: e.sums()[1], state.ensembles))
-        state.before = state.peak
-        state.peak = (state.time, *peak_charge(np.stack(charges).reshape(-1, points)))
-
-    def _record(self) -> None:
-        state = self.state
-        found = list(self._pool.map(moments_of, state.ensembles))
-        values: dict[str, Any] = {}
-        for name in found[0]:
-            values[name], values[name + STANDARD_ERROR] = mean_and_error([f[name] for f in found])
-        values["peak_charge"], values["peak_charge" + STANDARD_ERROR] = map(
-            np.float64, state.peak[1:]
-        )
-        state.times.append(state.time)
-        state.records.append(values)
-
-    def progress(self) -> Progress:
-        """Return how far the simulation is."""
-        run, state = self._case.run, self.state
-        done = fraction_done(run, state.time, state.peak[1], state.initial_peak)
-        steps = state.ensembles[0].steps
-        return Progress(state.time, run.t_end, steps, 0, state.peak[1], done)
-
-    def statistics(self) -> dict[str, Any]:
-        """Return what the run counted and conserved."""
-        state = self.state
-        drift = np.abs(_totals(state.ensembles) - state.initial_totals).max(axis=0)
-        collisions = sum(e.collisions for e in state.ensembles)
-        particles = sum(len(e.particles) for e in state.ensembles)
-        stats = {
-            "steps": state.ensembles[0].steps,
-            "collisions": collisions,
-            "collisions_per_particle": 2.0 * collisions / particles,
-            "largest_probability": max(e.largest_probability for e in state.ensembles),
-            "momentum_drift": float(drift[:3].max()),
-            "charge_drift": float(drift[3]),
-            "kinetic_energy_drift": float(drift[4]),
-        }
-        stop = self._case.run.stop_at_peak_charge
-        (before, high, _), (after, low, error) = state.before, state.peak
-        if stop is not None and low <= stop < high:
-            slope = (high - low) / (after - before)
-            stats["stop_time"] = before + (high - stop) / slope
-            stats["stop_time_standard_error"] = error / slope
-        return stats
-
-    def dataset(self, status: str, reason: str, stats: dict[str, Any]) -> Any:
-        """Label what was put out."""
-        p, records, options = self._parameters, self.state.records, self._options
+    def datasets(self, count: int) -> Iterator[xr.Dataset]:
+        """Give the outputs, so many times at once, without what `final_attributes` returns."""
+        p, options = self._segments.parameters, self._segments.options
+        records, ending = self._keeper.records, self._segments.position.ending
+        assert ending is not None
         attributes: dict[str, str | int | float] = {
             "method": "kinetic",
             "particles": options.particles,
@@ -293,32 +194,40 @@ class _Simulation:
             "mean_field": int(options.mean_field),
             "dilute": int(options.dilute),
         }
-        return dataset_of(
-            self._case,
-            self.state.times,
-            {name: np.stack([r[name] for r in records]) for name in records[0]},
-            status=status,
-            stop_reason=reason,
-            stats=stats,
-            attributes=attributes,
-        )
+        for start in range(0, len(records), count):
+            chosen = [records[i] for i in range(start, min(start + count, len(records)))]
+            stacked = {name: np.stack([r[name] for r in chosen]) for name in chosen[0]}
+            yield dataset_of(
+                self._case,
+                stacked.pop("time"),
+                stacked,
+                status=ending[0],
+                stop_reason=ending[1],
+                stats={},
+                attributes=attributes,
+            )
+
+    def final_attributes(self) -> dict[str, str]:
+        """Return the attributes that are known only at the end."""
+        stats = self._segments.statistics() | {"seconds": round(self._keeper.seconds, 3)}
+        return stats_and_warnings(stats, [])
 
 
-def _totals(ensembles: list[Ensemble]) -> NDArray[np.float64]:
-    """Return momentum, charge and kinetic energy of each ensemble, per particle."""
-    totals: list[tuple[float, ...]] = []
-    for particles in (e.particles for e in ensembles):
-        squares = np.einsum("ij,ij->", particles[:, 1:4], particles[:, 1:4])
-        energy = 0.5 * float(squares) / len(particles)
-        totals.append((*map(float, particles[:, 1:].mean(axis=0)), energy))
-    return np.array(totals)
-
-
-def _check_rules(case: Case) -> None:
-    """Refuse a stop rule that noise makes meaningless; raises InputError."""
+def _check(case: Case) -> None:
+    """Refuse a stop rule that noise makes meaningless, and too many particles."""
     if case.run.stop_at_rate is not None:
         raise InputError.about(
             "run.stop_at_rate",
             f"is {case.run.stop_at_rate:g}, but must be absent for particles, whose noise never "
             "comes to rest",
         )
+    require_memory_for_particles(case)
+
+
+def _pool(workers: int | None) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(workers or len(os.sched_getaffinity(0)))
+
+
+def _keeper(case: Case, path: str | PathLike[str], **choices: Any) -> FileKeeper:
+    versions = {name: metadata.version(name) for name in ("triboflux", "numpy", "numba")}
+    return FileKeeper(path, case, kind="kinetic", versions=versions, **choices)
