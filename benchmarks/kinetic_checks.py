@@ -55,7 +55,7 @@ def collision_rates(effort: Effort) -> Iterator[Check]:
             return 2.0 * box.collisions / len(box.particles)
 
         found = b.each(rate, b.boxes(parameters, effort))
-        yield Check(f"collisions of a particle per τ_c, {name}", 10.0, b.estimate(found))
+        yield Check(f"collisions of a particle in 10 τ_c, {name}", 10.0, b.estimate(found))
 
 
 def approach_moments(effort: Effort, orders: Sequence[float]) -> Iterator[Check]:
