@@ -40,15 +40,15 @@ CASE = Case(
 )
 
 
-def arguments(*options):
-    return command("run", "case.toml", "-o", "out.nc", "--quiet", *options, code=SLOW)
+def arguments(*options, output="out.nc"):
+    return command("run", "case.toml", "-o", output, "--quiet", *options, code=SLOW)
 
 
-def start(folder, *options, delays="0"):
+def start(folder, *options, delays="0", output="out.nc"):
     """Start a run in a folder and return its process."""
     (folder / "case.toml").write_text(CASE.to_toml())
     return subprocess.Popen(
-        arguments(*options),
+        arguments(*options, output=output),
         cwd=folder,
         env=surroundings(TRIBOFLUX_CACHE_DIR="", DELAYS=delays),
         stdout=subprocess.PIPE,
@@ -127,7 +127,8 @@ def test_a_run_that_is_killed_again_and_again_loses_nothing(tmp_path, whole):
 def test_a_folder_that_vanishes_is_told_and_what_is_in_it_is_good(tmp_path, whole):
     folder, moved = tmp_path / "folder", tmp_path / "moved"
     folder.mkdir()
-    process = start(folder, "--checkpoint-steps", "1", delays="0.2")
+    output = folder / "out.nc"
+    process = start(folder, "--checkpoint-steps", "1", delays="0.2", output=output)
     wait_for_segments(process, 4)
     folder.rename(moved)
     sentence = finished(process, 1)
@@ -142,13 +143,13 @@ def test_a_folder_that_vanishes_is_told_and_what_is_in_it_is_good(tmp_path, whol
 ON_A_DISK = """
 set -e
 cp {folder}/case.toml.kept case.toml
-"$@" --checkpoint-steps 1 2>first && exit 11
-ls >names
+"$@" --checkpoint-steps 1 2>{folder}/first && exit 11
+ls >{folder}/names
 mount -o remount,size=8m .
-"$@" --resume 2>second
+"$@" --resume 2>{folder}/second
 mount -o remount,ro .
 "$@" --overwrite 2>/dev/stdout && exit 12
-cp first second names out.nc {folder}
+cp out.nc {folder}
 """
 
 
