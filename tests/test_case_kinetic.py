@@ -1,6 +1,7 @@
 """The table [kinetic] of a case: what it accepts, and one sentence for what it refuses."""
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -155,6 +156,11 @@ def test_charges_without_the_variance_for_their_covariance():
     assert "is 0.5 at x = 0, but must be at most the root of the variance there, 0.447214" in found
 
 
+def test_a_step_that_is_much_too_long():
+    found = unfit(kinetic={"time_step": 1e3})
+    assert "kinetic.time_step is 1000, but must be at most 0.1155, 20 times the usual step" in found
+
+
 # ------------------------------------------------------------------ defaults
 
 
@@ -166,7 +172,7 @@ def test_cells_and_steps_of_any_options_fit(options, energy_ratio, tau_c):
     try:
         found = Parameters.of(case)
     except InputError as error:
-        assert "kinetic.cells" in str(error)
+        assert re.search(r"kinetic\.(cells|time_step)", str(error))
         return
     particles = case.kinetic.particles
     assert found.cells % found.points == 0

@@ -166,16 +166,14 @@ def collide(
     Returns
     -------
     tuple of int and float
-        Number of collisions, largest probability of an acceptance, and by how much the sum of all
-        squared velocities fell.
+        Number of collisions, and largest probability of an acceptance.
     """
     diameter = law[0]
     a, b, c, d = generator
     cells = start.size - 1
     most = np.max(start[1:] - start[:-1])
     density = rate * time * most * cells / particles.shape[0]
-    collisions, largest, lost = 0, 0.0, 0.0
-    loss = 0.5 * (1.0 - law[1] * law[1])
+    collisions, largest = 0, 0.0
     for step in range(cells):
         own = step if forward else cells - 1 - step
         first = start[own]
@@ -212,7 +210,6 @@ def collide(
                 continue
             largest = max(largest, others * approach / bound)
             collisions += 1
-            lost += loss * approach * approach
             pull = _field_at(field, contact, cells) * k[0] if law[3] > 0.0 else 0.0
             _hit(p, q, k, approach, pull, law)
             # the bound on the speed follows, and with it the number of candidates left
@@ -221,4 +218,4 @@ def collide(
                 left, a, b, c, d = _rounded(left * math.sqrt(square / fastest), a, b, c, d)
                 fastest = square
     generator[0], generator[1], generator[2], generator[3] = a, b, c, d
-    return collisions, largest, lost
+    return collisions, largest

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 _FEWEST_IN_CELL = 20
 _CELLS_IN_DIAMETER = 8
 _CELLS_IN_DILUTE_BOX = 128
+_LONGEST_STEP = 20
 _NO_FIELD = np.zeros(2)
 _COLLISIONS_IN_STEP, _PATH_IN_STEP, _SWING_IN_STEP = 0.25, 0.02, 0.1
 
@@ -148,12 +149,19 @@ def _cells(case: Case, options: Kinetic, diameter: float) -> int:
 
 def _time_step(case: Case, options: Kinetic) -> float:
     """Return the longest time step."""
-    if options.time_step is not None:
-        return options.time_step
     limits = [_COLLISIONS_IN_STEP * case.numbers.tau_c, _PATH_IN_STEP * case.grid.lengths[0]]
     if options.mean_field and case.numbers.energy_ratio > 0.0:
         limits.append(_SWING_IN_STEP / math.sqrt(case.numbers.energy_ratio))
-    return min(limits)
+    usual = min(limits)
+    if options.time_step is None:
+        return usual
+    if options.time_step > _LONGEST_STEP * usual:
+        raise InputError.about(
+            "kinetic.time_step",
+            f"is {options.time_step:g}, but must be at most {_LONGEST_STEP * usual:.4g}, "
+            f"{_LONGEST_STEP} times the usual step; longer ones give nothing of use",
+        )
+    return options.time_step
 
 
 class Ensemble:
@@ -219,16 +227,25 @@ class Ensemble:
             hold(self.particles, motion)
         # What collisions and drag take, random forces give back, which know nothing of charges:
         # half of it before collisions, as far as it is known then, so that these see the right Θ.
-        expected = (1.0 - p.restitution**2) * p.collision_rate * half / 3.0
-        self._agitate(warm * (expected - math.expm1(-time * p.drag_rate)))
-        lost = self._collide(time, field) if p.collision_rate > 0.0 else 0.0
-        rest = lost / (3.0 * len(self.particles)) - expected
-        self._agitate(warm * (rest + math.expm1(time * p.drag_rate)))
+        lossy = warm and (p.restitution < 1.0 or p.drag_rate > 0.0)
+        if lossy:
+            expected = (1.0 - p.restitution**2) * p.collision_rate * half / 3.0
+            self._agitate(expected - math.expm1(-time * p.drag_rate))
+        if p.collision_rate > 0.0:
+            self._collide(time, field)
+        if lossy:
+            # so much that drag will make it 1
+            self._agitate(math.exp(time * p.drag_rate) - self._temperature())
         if held:
             # the second half of the step will do what the first half did
             hold(self.particles, motion)
         if forced:
             self._accelerate(half)
+
+    def _temperature(self) -> float:
+        """Return the mean square of a velocity component."""
+        velocity = self.particles[:, 1:4]
+        return float(np.einsum("ij,ij->", velocity, velocity)) / (3.0 * len(velocity))
 
     def _local_motion(self) -> NDArray[np.float64]:
         """Return what a thermostat takes away: mean velocities, and the heat of the field."""
@@ -239,18 +256,16 @@ class Ensemble:
         if variance > 0.0:
             agitate(self.particles, self.generator, variance)
 
-    def _collide(self, time: float, field: NDArray[np.float64]) -> float:
-        """Let particles collide and return the loss of the sum of their squared velocities."""
+    def _collide(self, time: float, field: NDArray[np.float64]) -> None:
         p = self.parameters
         law = (p.diameter, p.restitution, p.charge_transfer, p.field_transfer, p.exponent)
         rate = 0.25 * math.sqrt(math.pi) * p.collision_rate
         forward = self.steps % 2 == 0
-        number, largest, lost = collide(
+        number, largest = collide(
             self.particles, self._start, self.generator, field, time, rate, law, forward
         )
         self.collisions += number
         self.largest_probability = max(self.largest_probability, largest)
-        return lost
 
     def sums(self) -> NDArray[np.float64]:
         """Return counts, means and products of deviations, of shape ``(len(SUMS), points)``."""
