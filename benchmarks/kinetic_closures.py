@@ -253,7 +253,7 @@ def judge(found: Sequence[Measured], closure: Callable[[float], ClosureSet]) -> 
         closed = closure(one.restitution)
         expected = [predicted(closed, name) for name in TESTED]
         difference = one.values[:number] - expected
-        distance = difference @ np.linalg.solve(one.covariance[:number, :number], difference)
+        distance = float(difference @ np.linalg.solve(one.covariance[:number, :number], difference))
         scaled = distance * (one.batches - number) / (one.batches - 1)
         probability = stats.f.sf(scaled / number, number, one.batches - number)
         total += scaled

@@ -22,7 +22,7 @@ from triboflux.kinetic.compiling import compiled
 from triboflux.responses import isotropic_parts
 
 Array: TypeAlias = NDArray[np.float64]
-Answers: TypeAlias = dict[str, float]
+Answers: TypeAlias = dict[str, Any]
 
 CROSS_SECTION = math.pi
 """Collisions of a particle of unit relative speed per time: π n g0 d²."""
@@ -210,7 +210,8 @@ def follow(
         counts.append(2.0 * count / len(particles))
     weights = slope_weights(nodes, DEGREE)
     changes = np.diff(np.array(found), axis=0) / (end - first)
-    return np.tensordot(weights, changes, 1), float(weights @ np.array(counts))
+    slope: Array = np.einsum("t,tij->ij", weights, changes)
+    return slope, float(weights @ np.array(counts))
 
 
 def uniform_gas(restitution: float, cells: int, random: np.random.Generator) -> Gas:
