@@ -70,6 +70,15 @@ def wait_for_segments(process, count):
         assert process.stdout.readline() == "segment\n"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory):
+    """Give the runs a cache of compiled programs of their own, which a killed one may damage."""
+    with pytest.MonkeyPatch.context() as changed:
+        folder = tmp_path_factory.mktemp("cache")
+        changed.setenv("JAX_COMPILATION_CACHE_DIR", str(folder))
+        yield
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """Return the result of a run that nothing happens to."""

@@ -91,14 +91,15 @@ def failed_place(model: Model, grid: Grid, carry: Carry) -> str:
             index = [int(i) for i in np.argwhere(~np.isfinite(field))[0][-grid.dimensions :]]
             return f"the {what} is not finite at x = {_place(grid, index)}, {when}"
     worst: list[tuple[float, str]] = []
+    sizes = {name: _root_mean_square(field) for name, field in values.items()}
+    # a moment that is nothing but round-off changes fast without meaning
+    negligible = 1e-9 * max(*sizes.values(), 1e-290)
     for name, rate in changes.items():
         fastest = np.unravel_index(int(np.argmax(np.abs(rate))), rate.shape)
-        # scaled, because the square of what has grown without bound overflows
-        largest = max(float(np.abs(values[name]).max()), 1e-300)
-        size = largest * float(np.sqrt(np.mean((values[name] / largest) ** 2)))
+        size = sizes[name]
         place = _place(grid, [int(i) for i in fastest[-grid.dimensions :]])
         sentence = f"the {name}, of rms {size:.3g}, changes by {float(rate[fastest]):.3g}"
-        relative = float(np.abs(rate[fastest])) / max(size, 1e-300)
+        relative = float(np.abs(rate[fastest])) / (size + negligible)
         worst.append((relative, f"{sentence} per unit time at x = {place}"))
     return f"the step size collapsed at {when}; {max(worst)[1]}"
 
@@ -164,6 +165,12 @@ class RealizabilityWatch:
             f"by up to {-margin:.3g} at t = {time:.4g}, x = {place}; "
             f"{float((self._last < least).mean()):.0%} of the box at the end. {self._reason}"
         ]
+
+
+def _root_mean_square(values: np.ndarray) -> float:
+    """Return the rms, also of what has grown so far that its square overflows."""
+    largest = max(float(np.abs(values).max()), 1e-300)
+    return largest * float(np.sqrt(np.mean((values / largest) ** 2)))
 
 
 def _lowest(values: np.ndarray, scale: float) -> tuple[int, ...]:

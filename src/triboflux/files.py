@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
@@ -12,6 +13,9 @@ from os import PathLike
 from pathlib import Path
 
 from triboflux.errors import InputError, TribofluxError, shown, shown_path
+
+_LITTLE = 2**18
+"""Bytes; a disk with less room is full."""
 
 _partial: set[Path] = set()
 _temporary: set[Path] = set()
@@ -110,11 +114,22 @@ def written_at_once(
         require_writable(target, overwrite=overwrite)
         replaced_durably(partial, target)
     except (OSError, RuntimeError) as error:
-        reason = shown(str(error).replace(str(partial), str(target)), 200)[1:-1]
+        told = str(error).replace(str(partial), str(target))
+        if isinstance(error, RuntimeError) and _is_full(target.parent):
+            told = os.strerror(errno.ENOSPC)
+        reason = shown(told, 200)[1:-1]
         raise TribofluxError(f"output {shown_path(target)} can't be written: {reason}.") from error
     finally:
         partial.unlink(missing_ok=True)
         _partial.discard(partial)
+
+
+def _is_full(folder: Path) -> bool:
+    """Return whether a disk is full, which the libraries for NetCDF do not tell."""
+    try:
+        return shutil.disk_usage(folder).free < _LITTLE
+    except OSError:
+        return False
 
 
 def replaced_durably(partial: Path, target: Path) -> None:
