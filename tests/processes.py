@@ -18,6 +18,11 @@ finally:
 """
 
 
+# For a process that will be killed: what it leaves of a half-written entry of JAX's cache would make
+# all later writing fail.
+READS_CACHE_ONLY = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "1e9"}
+
+
 def surroundings(**changes):
     """Return the environment for a process in another folder that imports what this one does."""
     root = Path(__file__).resolve().parents[1]

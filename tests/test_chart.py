@@ -12,7 +12,7 @@ from matplotlib.collections import PolyCollection
 
 from tests.maps import pretended, small, smooth
 from tests.powders import POWDER, TOML
-from tests.processes import command, surroundings, triboflux
+from tests.processes import READS_CACHE_ONLY, command, surroundings, triboflux
 from triboflux import numbers, suitability_output
 from triboflux.case import Case
 from triboflux.errors import InputError
@@ -275,7 +275,10 @@ def test_killed_chart_goes_on_to_the_same_map(tmp_path):
     plane = ["--x", "numbers.peclet=1e6:1e8", "--y", "numbers.tau_c=1e-3:1e-2", "--points", "4"]
     arguments = ["chart", "case.toml", *plane, "--workers", "1", "-o", "out"]
     process = subprocess.Popen(
-        command(*arguments, code=MAIN), cwd=tmp_path, env=surroundings(), stderr=subprocess.PIPE
+        command(*arguments, code=MAIN),
+        cwd=tmp_path,
+        env=surroundings(**READS_CACHE_ONLY),
+        stderr=subprocess.PIPE,
     )
     runs, patience = tmp_path / "out" / "runs", time.monotonic() + 60
 

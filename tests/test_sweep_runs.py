@@ -16,7 +16,7 @@ import xarray as xr
 import zarr
 
 from tests import sweeps
-from tests.processes import command, surroundings, triboflux
+from tests.processes import READS_CACHE_ONLY, command, surroundings, triboflux
 from tests.sweeps import DEADLY, files, tables
 from triboflux import sweep_runners
 from triboflux.case import Case
@@ -166,7 +166,7 @@ def test_killed_twice_at_random_moments(tmp_path):
     print("seed", seed)
     moments = random.Random(seed)
     for _ in range(2):
-        process = started(tmp_path, "killed.zarr")
+        process = started(tmp_path, "killed.zarr", **READS_CACHE_ONLY)
         children = wait_for(process, killed, kept + moments.randint(1, members.size // 10))
         time.sleep(moments.uniform(0.0, 0.5))
         process.kill()
