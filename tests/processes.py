@@ -18,8 +18,8 @@ finally:
 """
 
 
-# For a process that will be killed: what it leaves of a half-written entry of JAX's cache would make
-# all later writing fail.
+# For a process that will be killed: what it leaves of a half-written entry of JAX's cache would
+# make all later writing fail.
 READS_CACHE_ONLY = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "1e9"}
 
 
