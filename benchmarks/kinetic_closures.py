@@ -5,7 +5,7 @@ causes (`benchmarks.kinetic_slopes`) give every collisional coefficient with a s
 closure set goes in. Run from the root of the repository; nothing is written without ``--write``::
 
     python -m benchmarks.kinetic_closures --effort reduced    # half a minute
-    python -m benchmarks.kinetic_closures --write             # 10 min on 2 cores, docs/verdict.md
+    python -m benchmarks.kinetic_closures --write             # several minutes, docs/verdict.md
 
 Seeds, sizes and the level of the tests stand below and were fixed before the run.
 """
