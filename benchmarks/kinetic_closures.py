@@ -325,7 +325,7 @@ def _told(judgement: Judgement) -> str:
         for p in (judgement.probability, judgement.largest_probability)
     )
     return (
-        f"χ² = {judgement.chi_square:,.1f} on {judgement.degrees}, {first}; largest |z| = "
+        f"χ² = {judgement.chi_square:,.1f} on {judgement.degrees}, {first}; largest deviation "
         f"{judgement.largest:,.1f}, {second}"
     )
 
