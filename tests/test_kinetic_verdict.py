@@ -65,7 +65,8 @@ def test_error_bars_are_small_and_symmetries_hold(runs):
 
 
 def test_particles_that_never_collide_stream_freely():
-    reference = simulate(Setting(1e4, 1e12, 192.0, dilute=True), 5, 0.05)
+    reference = simulate(Setting(1e4, 1e12, 192.0, dilute=True), 5, 0.5)
+    assert reference.time_error < 0.002 * reference.time
     assert reference.time == pytest.approx(free_streaming_time(), abs=4.0 * reference.time_error)
     for name, values in free_streaming(reference.time).moments.items():
         moment = reference.moments[name]
