@@ -10,7 +10,7 @@ WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help venv reproduce test check format bench evidence lock clean
+.PHONY: help venv reproduce test check format bench evidence verdict lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -63,6 +63,9 @@ evidence: $(VENV)/.installed ## write the tables of docs/closures.md and docs/su
 	$(BIN)/python -m benchmarks.closure_evidence --write
 	$(BIN)/python -m benchmarks.closure_effects --write
 	$(BIN)/python -m benchmarks.presets --write
+
+verdict: $(VENV)/.installed ## judge closures and models by simulated particles anew (docs/verdict.md)
+	$(BIN)/python -m benchmarks.kinetic_verdict --write
 
 lock: $(VENV)/.created ## renew requirements/dev.txt after a change of dependencies (ARGS=--upgrade: newest)
 	$(PIP) install --quiet uv

@@ -98,7 +98,7 @@ class Effort(NamedTuple):
 
 
 EFFORTS = {
-    "full": Effort(2560, 16, 12, 40, 240, (1, 2, 1), (1, 1, 5)),
+    "full": Effort(2560, 16, 12, 40, 240, (1, 5, 1), (1, 2, 7)),
     "reduced": Effort(96, 16, 8, 40, 100),
 }
 

@@ -201,8 +201,9 @@ def test_computed_errors_are_near_those_of_the_table(name):
     assert table.model == computed.model
     for told, exact in zip(table.errors, computed.errors, strict=True):
         assert exact.low == exact.error == exact.high
-        if exact.error is not None and told.error is not None and exact.error > 1e-3:
-            assert told.error == pytest.approx(exact.error, rel=0.25)
+        # the range is that of nine in ten errors from 0.5 to 50 %; none is off by twice as much
+        if told.error is not None and exact.error is not None and 5e-3 < exact.error < 0.5:
+            assert told.low**2 / told.error < exact.error < told.high**2 / told.error
 
 
 @pytest.mark.parametrize("closure_name", ["derived", "published"])
