@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from tests.cases import NUMBERS, data
@@ -264,7 +264,12 @@ def cases_in_si(draw):
 @settings(max_examples=50)  # a text takes a millisecond to read
 @given(cases_in_si())
 def test_toml_round_trip_is_exact(fields):
-    made = Case(**fields)
+    try:
+        made = Case(**fields)
+    except InputError as error:
+        # a gas of tiny particles at rest with strong charges
+        assert "out of range" in str(error)
+        reject()
     text = made.to_toml()
     again = Case.from_toml_text(text)
     assert again == made

@@ -116,7 +116,7 @@ def test_grid_that_cannot_fit(folder):
         Case(**data(grid__points=[2**20] * 3, initial__charge=[])).to_toml()
     )
     sentence = refused("run", "bad.toml", "-o", "out.nc", folder=folder)
-    assert sentence.startswith("grid.points is [1048576, 1048576, 1048576], which with 20 outputs ")
+    assert sentence.startswith("grid.points is [1048576, 1048576, 1048576], which needs about ")
     assert "GiB" in sentence
 
 

@@ -10,6 +10,7 @@ from benchmarks import presets as preset_tables
 from benchmarks import suitability_table
 from triboflux import model_table
 from triboflux.case import Case
+from triboflux.case_kinetic import Kinetic
 from triboflux.case_text import case_table
 from triboflux.solve import solve
 from triboflux.suspension import Suspension
@@ -29,9 +30,15 @@ def section(page: str, name: str) -> str:
     return text.partition(f"<!-- begin {name} -->\n")[2].partition(f"\n<!-- end {name} -->")[0]
 
 
-SWEPT, CASES = (
-    [text for text in blocks("README.md") if ("[sweep" in text) is swept] for swept in (True, False)
-)
+KINETIC, SWEPT, CASES = ([], [], [])
+for block in blocks("README.md"):
+    kind = CASES if "[grid]" in block else SWEPT if "[sweep" in block else KINETIC
+    kind.append(block)
+
+
+def test_particles_of_the_readme_are_valid():
+    (text,) = KINETIC
+    Kinetic(**tomllib.loads(text)["kinetic"])
 
 
 @pytest.mark.parametrize("text", CASES)

@@ -71,7 +71,7 @@ class Checkpoint:
 
 def path_beside(output: str | PathLike[str]) -> Path:
     """Return the path of the checkpoint of a run that writes ``output``."""
-    return Path(output).with_name(f"{Path(output).name}.checkpoint")
+    return Path(output).parent / f"{Path(output).name}.checkpoint"
 
 
 def write(path: str | PathLike[str], checkpoint: Checkpoint) -> None:

@@ -17,7 +17,7 @@ from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.initial_state import initial_fields
 from triboflux.integrate import Carry, Outcome, Scalar, Settings, advance, begin, broken_bounds
-from triboflux.integrators.linear import block_operator
+from triboflux.integrators.linear import distinct_wave_numbers
 from triboflux.keeping import Records
 from triboflux.models import Model
 from triboflux.moments import Moments
@@ -224,7 +224,7 @@ class Segments:
         The integrator's functions of the linear operator are the same for all modes of equal |k|,
         and would make a checkpoint many times larger than the state.
         """
-        index = np.asarray(block_operator(self._model, self._grid).index)
+        _, index = distinct_wave_numbers(self._grid)
         places = np.unique(index, return_index=True)[1]
         modes = (..., *np.unravel_index(places, self._grid.modes))
         listed: list[tuple[str, Array, Any, Any]] = []

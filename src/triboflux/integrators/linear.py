@@ -123,7 +123,8 @@ def block_operator(model: Model, grid: Grid) -> BlockOperator:
     NotImplementedError
         If a linear term couples the variance with another moment.
     """
-    k, index = _distinct_wave_numbers(grid)
+    wave_numbers, index = distinct_wave_numbers(grid)
+    k = jnp.asarray(wave_numbers)
     vector = "covariance" in model.evolves
     places = _places(vector)
     m = 1 + vector
@@ -152,15 +153,21 @@ def _places(vector: bool) -> dict[tuple[str, str], tuple[int, int, int]]:
     return places | {("variance", "variance"): (1, 1, 1)}
 
 
-def _distinct_wave_numbers(grid: Grid) -> tuple[Array, np.ndarray]:
-    """Return the distinct |k| and which one each mode has."""
+def distinct_wave_numbers(grid: Grid) -> tuple[np.ndarray, np.ndarray]:
+    """Return the distinct |k| and which one each mode has.
+
+    Parameters
+    ----------
+    grid : Grid
+        Whose kept modes are meant.
+    """
     squared = sum((k**2 for k in grid.wave_vector()), start=np.zeros(grid.modes))
     # Round-off must not split modes of equal |k| that differ by the order of summation.
     rounded = np.round(squared / max(squared.max(), 1e-300), 12)
     distinct, index = np.unique(rounded, return_inverse=True)
     values = np.zeros(len(distinct))
     values[index.ravel()] = squared.ravel()
-    return jnp.sqrt(jnp.asarray(values)), index.reshape(grid.modes)
+    return np.sqrt(values), index.reshape(grid.modes)
 
 
 def _unit(grid: Grid) -> list[Array]:
