@@ -162,3 +162,13 @@ def check_variance(case: Case) -> None:
         from triboflux.initial_state import require_non_negative, sum_of_modes
 
         require_non_negative(sum_of_modes(variance, case.grid), case.grid)
+
+
+def check_stop_value(case: Case, peak: float) -> None:
+    """Refuse a stop value that the initial peak charge has reached already; raises InputError."""
+    value = case.run.stop_at_peak_charge
+    if value is not None and value >= peak:
+        raise InputError(
+            f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
+            f"charge, {peak:.6g}."
+        )

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from triboflux import breaches
+from triboflux.case_checks import check_stop_value
 from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.initial_state import initial_fields
@@ -112,7 +113,7 @@ class Segments:
         fields = Moments(*map(jnp.asarray, initial_fields(case)))
         self.position = Position(_begin(model, fields, grid))
         peak = self._peak_charge()
-        _check_stop_value(case, peak)
+        check_stop_value(case, peak)
         self._initial_peak = max(peak, 1e-300)
 
     def advance(self, records: Records, *, estimate: bool = False) -> None:
@@ -295,15 +296,6 @@ class Segments:
         if bool(outcome.stopped.get("rate", False)):
             return "ok", f"the rate of change of the charge fell to {run.stop_at_rate:g}"
         return "ok", f"reached t_end = {run.t_end:g}"
-
-
-def _check_stop_value(case: Case, peak: float) -> None:
-    value = case.run.stop_at_peak_charge
-    if value is not None and value >= peak:
-        raise InputError(
-            f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
-            f"charge, {peak:.6g}."
-        )
 
 
 def _optional(value: float | None) -> Array | None:

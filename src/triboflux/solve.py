@@ -14,16 +14,14 @@ import numpy as np
 from triboflux import case_checks, closures, diagnostics, models
 from triboflux.breaches import RealizabilityWatch
 from triboflux.calculus import FourierCalculus
-from triboflux.checkpoint import Schedule, path_beside
-from triboflux.errors import shown_path
 from triboflux.files import require_writable
 from triboflux.grid import Grid
-from triboflux.keeping import FileKeeper, Keeper
+from triboflux.keeping import Keeper
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
 from triboflux.progress import Progress
 from triboflux.result import Result, build_dataset, stats_and_warnings
-from triboflux.result_file import times_at_once, write_result
+from triboflux.running import run_in_memory, run_to_file
 from triboflux.segments import Segments
 from triboflux.sweep_member import decisive_versions
 
@@ -33,6 +31,9 @@ if TYPE_CHECKING:
     from triboflux.case import Case
 
 __all__ = ["Progress", "solve", "solve_to_file"]
+
+KIND = "solve"
+"""What the checkpoints are of."""
 
 
 def solve(
@@ -81,23 +82,17 @@ def solve(
         If the checkpoint can't be written.
     """
     require_memory(case)
-    if checkpoint is None:
-        keeper = Keeper()
-    else:
-        keeper = _keeper(
-            case,
-            checkpoint,
-            name=f"checkpoint {shown_path(checkpoint)}",
-            resume=resume,
-            overwrite=False,
-            schedule=Schedule(checkpoint_minutes, checkpoint_steps),
-            interrupted=None,
-        )
-    with keeper:
-        run = _Run(case, keeper)
-        run.complete(on_progress)
-        (dataset,) = run.datasets(len(keeper.records))
-        return Result(dataset.assign_attrs(run.final_attributes()))
+    return run_in_memory(
+        case,
+        lambda keeper: _Run(case, keeper),
+        kind=KIND,
+        versions=decisive_versions(),
+        checkpoint=checkpoint,
+        resume=resume,
+        checkpoint_minutes=checkpoint_minutes,
+        checkpoint_steps=checkpoint_steps,
+        on_progress=on_progress,
+    )
 
 
 def solve_to_file(
@@ -151,31 +146,20 @@ def solve_to_file(
     case_checks.check_units(case, units)
     require_writable(path, overwrite=overwrite)
     require_memory(case, streamed=True)
-    keeper = _keeper(
+    return run_to_file(
         case,
-        path_beside(path),
-        name=f"output {shown_path(path)}",
-        resume=resume,
+        lambda keeper: _Run(case, keeper),
+        path,
+        kind=KIND,
+        versions=decisive_versions(),
+        units=units,
         overwrite=overwrite,
-        schedule=Schedule(checkpoint_minutes, checkpoint_steps),
+        resume=resume,
+        checkpoint_minutes=checkpoint_minutes,
+        checkpoint_steps=checkpoint_steps,
+        on_progress=on_progress,
         interrupted=interrupted,
     )
-    with keeper:
-        run = _Run(case, keeper)
-        run.complete(on_progress)
-        return write_result(
-            path,
-            len(keeper.records),
-            run.datasets(times_at_once(case.grid.size)),
-            run.final_attributes,
-            units=units,
-            overwrite=overwrite,
-            before_each=keeper.consider_stopping,
-        )
-
-
-def _keeper(case: Case, path: str | PathLike[str], **choices: Any) -> FileKeeper:
-    return FileKeeper(path, case, kind="solve", versions=decisive_versions(), **choices)
 
 
 class _Run:

@@ -167,7 +167,7 @@ def suitability(
     TribofluxError
         If workers fail; see `triboflux.sweep`.
     """
-    require_reduced(reduced)
+    require_one_of("reduced", reduced, REDUCED)
     folder = Path(store_folder)
     require_folder(folder)
     grid, stop = require_plane(case, axes or chart_axes(32))
@@ -199,11 +199,6 @@ def suitability(
         # a charge that has halved does not vanish
         points[index].error = np.nan if error is None else error
     return _dataset(grid, points, case, reduced)
-
-
-def require_reduced(name: str) -> None:
-    """Refuse what is no reduced model; raises InputError."""
-    require_one_of("reduced", name, REDUCED)
 
 
 def require_plane(case: Case, axes: Sequence[tuple[str, Sequence[float]]]) -> tuple[Sweep, float]:

@@ -15,14 +15,14 @@ import numpy as np
 from triboflux import numbers
 from triboflux.case import Case
 from triboflux.compare import with_changes
-from triboflux.errors import InputError, shown, shown_path
+from triboflux.errors import InputError, require_one_of, shown, shown_path
 from triboflux.files import require_folder, require_writable, written_at_once
 from triboflux.initial_state import require_file
 from triboflux.suitability import (
+    REDUCED,
     chart_axes,
     chart_case,
     require_plane,
-    require_reduced,
     save,
     suitability,
 )
@@ -193,7 +193,7 @@ def _axis(option: str, text: str, points: int) -> tuple[str, list[float]]:
 
 def _case(options: Options, axes: tuple[tuple[str, list[float]], ...]) -> Case:
     """Return the case, with numbers in place of a suspension unless that is what varies."""
-    require_reduced(options.reduced)
+    require_one_of("reduced", options.reduced, REDUCED)
     if options.case_file is None:
         return chart_case(options.closures or "derived")
     case = Case.from_toml(options.case_file)

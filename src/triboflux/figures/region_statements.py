@@ -50,59 +50,63 @@ def of_the_regions(data: dict[int, Any]) -> list[Statement]:
         ]
         return Finding(found["A"] <= PERFECT and found["B"] > USELESS, ", ".join(told))
 
-    def high(closures: str) -> Finding:
-        values = np.array([limit_at(maps[closures], USELESS, peclet) for peclet in _HIGH])
-        told = ", ".join(
-            f"{value:.3g} at {_power(peclet)}" for value, peclet in zip(values, _HIGH, strict=True)
-        )
-        return Finding(bool(values.max() <= (1.0 + FLAT) * values.min()), f"τ_c* = {told}")
-
-    def direction(closures: str) -> Finding:
-        lines = {level: limits(maps[closures], level) for level in LEVELS}
-        ends = [line[np.isfinite(line)][[0, -1]] for line in lines.values() if _exists(line)]
-        falls = bool(ends) and all(first < (1.0 - FLAT) * last for first, last in ends)
-        peclet = maps[closures]["peclet"].values
-        return Finding(falls, "; ".join(_told(level, peclet, lines[level]) for level in lines))
-
-    def outside(closures: str) -> Finding:
-        status, size = reasons(maps[closures]), maps[closures]["error"].size
-        told = ", ".join(f"{count} {_STATUS.get(name, name)}" for name, count in status.items())
-        share = sum(status.values()) / size
-        return Finding(None, f"{told or 'none'} of {size} points ({100 * share:.0f} %)")
-
-    def region(closures: str) -> Finding:
-        largest = suitable_until(maps[closures], USELESS)
-        peclet = maps[closures]["peclet"].values
-        chosen = sorted({int(np.abs(np.log(peclet / decade)).argmin()) for decade in _DECADES})
-        told = [f"{largest[i]:.2g} at Pe = {peclet[i]:.2g}" for i in chosen]
-        return Finding(None, f"τ_c* = {', '.join(told)}")
-
     criterion = f"error of Q at t* up to {percent(PERFECT)}, and above {percent(USELESS)}"
     return [
         each(f"Case A is in the suitable region, case B is not (agrees: {criterion}).", cases),
         each(
             "For high Pe only the collision time matters (agrees if from Pe = 10⁶ on the τ_c* of "
             f"the error {percent(USELESS)} changes by less than {percent(FLAT)}).",
-            high,
+            lambda closures: _high(maps[closures]),
         ),
         each(
             "As Pe falls, the collision time must be smaller (agrees if every line of equal error "
             f"is lower by more than {percent(FLAT)} at its left end than at its right end; given "
             "are both ends and the highest point).",
-            direction,
+            lambda closures: _direction(maps[closures]),
         ),
         each(
             "Not discussed: where F ≤ 0 the charge variance would grow by itself; there the map "
             "has no error, and the lines of equal error end.",
-            outside,
+            lambda closures: _outside(maps[closures]),
         ),
         each(
             f"Not given: the largest τ_c* of the map with F > 0 and an error up to "
             f"{percent(USELESS)}. Where the line of {percent(USELESS)} has ended, on its left, "
             "this falls with Pe because of F > 0 alone.",
-            region,
+            lambda closures: _region(maps[closures]),
         ),
     ]
+
+
+def _high(errors: xr.Dataset) -> Finding:
+    values = np.array([limit_at(errors, USELESS, peclet) for peclet in _HIGH])
+    told = ", ".join(
+        f"{value:.3g} at {_power(peclet)}" for value, peclet in zip(values, _HIGH, strict=True)
+    )
+    return Finding(bool(values.max() <= (1.0 + FLAT) * values.min()), f"τ_c* = {told}")
+
+
+def _direction(errors: xr.Dataset) -> Finding:
+    lines = {level: limits(errors, level) for level in LEVELS}
+    ends = [line[np.isfinite(line)][[0, -1]] for line in lines.values() if _exists(line)]
+    falls = bool(ends) and all(first < (1.0 - FLAT) * last for first, last in ends)
+    peclet = errors["peclet"].values
+    return Finding(falls, "; ".join(_told(level, peclet, lines[level]) for level in lines))
+
+
+def _outside(errors: xr.Dataset) -> Finding:
+    status, size = reasons(errors), errors["error"].size
+    told = ", ".join(f"{count} {_STATUS.get(name, name)}" for name, count in status.items())
+    share = sum(status.values()) / size
+    return Finding(None, f"{told or 'none'} of {size} points ({100 * share:.0f} %)")
+
+
+def _region(errors: xr.Dataset) -> Finding:
+    largest = suitable_until(errors, USELESS)
+    peclet = errors["peclet"].values
+    chosen = sorted({int(np.abs(np.log(peclet / decade)).argmin()) for decade in _DECADES})
+    told = [f"{largest[i]:.2g} at Pe = {peclet[i]:.2g}" for i in chosen]
+    return Finding(None, f"τ_c* = {', '.join(told)}")
 
 
 def _reduced_and_full(comparison: Any) -> tuple[Any, Any]:

@@ -191,10 +191,6 @@ def _of_budgets(number: int, data: dict[int, Any]) -> list[Statement]:
         least = min(terms.pop(name) for name in main)
         return Finding(least > max(terms.values()), told)
 
-    def balance(closures: str) -> Finding:
-        told = [f"{name} {mismatch(budgets[closures], name):.1e}" for name in _MOMENTS]
-        return Finding(None, f"{', '.join(told)} of the largest term")
-
     small = "are negligible" if frequent else "are relevant"
     limit = f"{'below' if frequent else 'above'} {percent(NEGLIGIBLE)} of the largest term"
     statements = [
@@ -207,11 +203,19 @@ def _of_budgets(number: int, data: dict[int, Any]) -> list[Statement]:
             "the variance.",
             variance,
         ),
-        each("Check: the sum of the terms against a difference of outputs.", balance),
+        each(
+            "Check: the sum of the terms against a difference of outputs.",
+            lambda closures: _balance(budgets[closures]),
+        ),
     ]
     return (
         statements if frequent else [*statements[:1], each(*_growth_of_flux(data)), *statements[1:]]
     )
+
+
+def _balance(budget: xr.Dataset) -> Finding:
+    told = [f"{name} {mismatch(budget, name):.1e}" for name in _MOMENTS]
+    return Finding(None, f"{', '.join(told)} of the largest term")
 
 
 def _growth_of_flux(data: dict[int, Any]) -> tuple[str, Callable[[str], Finding]]:

@@ -168,6 +168,8 @@ def collide(
     tuple of int and float
         Number of collisions, and largest probability of an acceptance.
     """
+    # One loop, a little longer than a page: in parts it would hand the state of the generator and
+    # the bound on the speed to and fro.
     diameter = law[0]
     a, b, c, d = generator
     cells = start.size - 1

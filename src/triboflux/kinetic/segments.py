@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from triboflux.case_checks import check_stop_value
 from triboflux.case_kinetic import Kinetic
-from triboflux.errors import InputError, TribofluxError
+from triboflux.errors import TribofluxError
 from triboflux.fields import STANDARD_ERROR
 from triboflux.kinetic.cells import COLUMNS
 from triboflux.kinetic.ensemble import Ensemble, Parameters
@@ -93,12 +94,7 @@ class ParticleSegments:
         self._initial_totals = self._totals()
         self.position = Position(peak=(0.0, *self._peak_charge()))
         self._initial_peak = self.position.peak[1]
-        stop = case.run.stop_at_peak_charge
-        if stop is not None and stop >= self._initial_peak:
-            raise InputError(
-                f"run.stop_at_peak_charge: {stop:g} is not allowed; it must be below the initial "
-                f"peak charge, {self._initial_peak:.6g}."
-            )
+        check_stop_value(case, self._initial_peak)
 
     def _draw(self, seed: np.random.SeedSequence) -> Ensemble:
         of_particles, of_collisions = seed.spawn(2)

@@ -7,26 +7,28 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from importlib import metadata
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from triboflux import case_checks
-from triboflux.checkpoint import Schedule, path_beside
-from triboflux.errors import InputError, shown_path
+from triboflux.errors import InputError
 from triboflux.files import require_writable
-from triboflux.keeping import FileKeeper, Keeper
+from triboflux.keeping import Keeper
 from triboflux.kinetic.dataset import dataset_of
 from triboflux.kinetic.segments import ParticleSegments
 from triboflux.memory import require_memory_for_particles
 from triboflux.result import Result, stats_and_warnings
-from triboflux.result_file import times_at_once, write_result
+from triboflux.running import run_in_memory, run_to_file
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from triboflux.case import Case
     from triboflux.progress import Progress
+
+KIND = "kinetic"
+"""What the checkpoints are of."""
 
 
 def simulate(
@@ -75,23 +77,18 @@ def simulate(
         If a checkpoint can't be written.
     """
     _check(case)
-    if checkpoint is None:
-        keeper = Keeper()
-    else:
-        keeper = _keeper(
+    with _pool(workers) as pool:
+        return run_in_memory(
             case,
-            checkpoint,
-            name=f"checkpoint {shown_path(checkpoint)}",
+            lambda keeper: _Simulation(case, pool, keeper),
+            kind=KIND,
+            versions=_decisive_versions(),
+            checkpoint=checkpoint,
             resume=resume,
-            overwrite=False,
-            schedule=Schedule(checkpoint_minutes, checkpoint_steps),
-            interrupted=None,
+            checkpoint_minutes=checkpoint_minutes,
+            checkpoint_steps=checkpoint_steps,
+            on_progress=on_progress,
         )
-    with keeper, _pool(workers) as pool:
-        run = _Simulation(case, pool, keeper)
-        run.complete(on_progress)
-        (dataset,) = run.datasets(len(keeper.records))
-        return Result(dataset.assign_attrs(run.final_attributes()))
 
 
 def simulate_to_file(
@@ -139,26 +136,20 @@ def simulate_to_file(
     case_checks.check_units(case, units)
     _check(case)
     require_writable(path, overwrite=overwrite)
-    keeper = _keeper(
-        case,
-        path_beside(path),
-        name=f"output {shown_path(path)}",
-        resume=resume,
-        overwrite=overwrite,
-        schedule=Schedule(checkpoint_minutes, checkpoint_steps),
-        interrupted=interrupted,
-    )
-    with keeper, _pool(workers) as pool:
-        run = _Simulation(case, pool, keeper)
-        run.complete(on_progress)
-        return write_result(
+    with _pool(workers) as pool:
+        return run_to_file(
+            case,
+            lambda keeper: _Simulation(case, pool, keeper),
             path,
-            len(keeper.records),
-            run.datasets(times_at_once(case.grid.size)),
-            run.final_attributes,
+            kind=KIND,
+            versions=_decisive_versions(),
             units=units,
             overwrite=overwrite,
-            before_each=keeper.consider_stopping,
+            resume=resume,
+            checkpoint_minutes=checkpoint_minutes,
+            checkpoint_steps=checkpoint_steps,
+            on_progress=on_progress,
+            interrupted=interrupted,
         )
 
 
@@ -228,6 +219,5 @@ def _pool(workers: int | None) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(workers or len(os.sched_getaffinity(0)))
 
 
-def _keeper(case: Case, path: str | PathLike[str], **choices: Any) -> FileKeeper:
-    versions = {name: metadata.version(name) for name in ("triboflux", "numpy", "numba")}
-    return FileKeeper(path, case, kind="kinetic", versions=versions, **choices)
+def _decisive_versions() -> dict[str, str]:
+    return {name: metadata.version(name) for name in ("triboflux", "numpy", "numba")}
