@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.timing import ROOT, table, write_section
 from triboflux import advice, closures, model_table
 from triboflux.errors import InputError
-from triboflux.model_errors import CHEAPEST_FIRST, FLOOR, OK, ModelErrors, measure
+from triboflux.model_errors import CHEAPEST_FIRST, FLOOR, OK, POINTS, ModelErrors, measure
 from triboflux.model_table import Coordinates, Entries, ModelTable
 from triboflux.numbers import Numbers, from_suspension
 from triboflux.suitability import MEASURE
@@ -56,6 +56,8 @@ AXES = {
 
 SUSPENSIONS = 1000
 """Random ones, of which the first half sets the spread and the second half checks it."""
+STEEP = (100, 100.0)
+"""How many entries are computed on twice the points too, and the least u of them."""
 MATTERS = (5e-3, 0.5)
 """Errors among which the spread is measured; outside, the choice of a model is clear."""
 
@@ -81,6 +83,37 @@ def entry(task: tuple[Coordinates, str]) -> ModelErrors:
 def computed(task: tuple[Numbers, str]) -> ModelErrors:
     """Run all models for one suspension."""
     return measure(*task)
+
+
+def steepest(name: str) -> list[tuple[Coordinates, str]]:
+    """Return entries of a closure set where the field makes profiles steep, without picking."""
+    count, least = STEEP
+    steep = [place for place in places(name) if place.energy_ratio >= least]
+    chosen = np.random.default_rng(1).permutation(len(steep))[:count]
+    return [(steep[number], name) for number in chosen]
+
+
+def refined(task: tuple[Coordinates, str]) -> list[float]:
+    """Return by which fractions an entry's errors above the floor change on twice the points."""
+    numbers = model_table.numbers_at(*task)
+    if numbers is None or not (coarse := measure(numbers, task[1])).models:
+        return []
+    fine = measure(numbers, task[1], points=2 * POINTS)
+    return [
+        abs(b.error / a.error - 1.0)
+        for a, b in zip(coarse.models, fine.models, strict=True)
+        if a.error is not None and b.error is not None and max(a.error, b.error) > FLOOR
+    ]
+
+
+def resolution(name: str, pool: ProcessPoolExecutor) -> dict[str, Any]:
+    """Return how much twice the points change where profiles are steepest."""
+    changes = list(pool.map(refined, steepest(name)))
+    return {
+        "entries": sum(map(bool, changes)),
+        "errors": sum(map(len, changes)),
+        "largest": max(itertools.chain.from_iterable(changes)),
+    }
 
 
 def places(name: str) -> Iterator[Coordinates]:
@@ -223,7 +256,20 @@ def verdicts_table(found: ModelTable) -> str:
     return table(("closures", *names), rows)
 
 
-SECTIONS = {"table-accuracy": accuracy_table, "table-verdicts": verdicts_table}
+def resolution_table(found: ModelTable) -> str:
+    """Return how much twice the points changed errors where profiles are steepest."""
+    rows = [
+        (name, str(each["entries"]), str(each["errors"]), f"{each['largest']:.1e}")
+        for name, each in found.about["resolution"].items()
+    ]
+    return table(("closures", "entries", "errors compared", "largest relative change"), rows)
+
+
+SECTIONS = {
+    "table-resolution": resolution_table,
+    "table-accuracy": accuracy_table,
+    "table-verdicts": verdicts_table,
+}
 
 
 def compute(pool: ProcessPoolExecutor) -> ModelTable:
@@ -260,6 +306,7 @@ def main() -> None:
         exact = {name: dict.fromkeys(CHEAPEST_FIRST, 1.0) for name in closures.NAMES}
         found = replace(found, spread=exact)
         exactness = {}
+        finer = {name: resolution(name, pool) for name in closures.NAMES}
         for name in closures.NAMES:
             checked = pairs(found, name, pool)
             found = with_spread(found, name, checked)
@@ -268,6 +315,7 @@ def main() -> None:
         "measure": MEASURE,
         "command": "python -m benchmarks.suitability_table --write",
         "versions": decisive_versions(),
+        "resolution": finer,
         "accuracy": exactness,
     }
     found = replace(found, about=about)

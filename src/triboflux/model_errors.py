@@ -24,7 +24,7 @@ OK = "ok"
 FLOOR = 1e-4
 """Smaller errors are not told apart; the table holds none."""
 POINTS = 64
-"""Points of the box; 128 change no error of the table above 1e-4 by more than a hundredth."""
+"""Points of the box; `benchmarks.suitability_table` measures what twice as many would change."""
 
 # of the longest wave in the box, -sin(2 pi x/L)
 WAVE_NUMBER = 2.0 * math.pi
