@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from triboflux.closures import collision_integral
-from triboflux.kinetic.cells import electric_field, sort
+from triboflux.kinetic.cells import cell_charges, electric_field, sort
 from triboflux.kinetic.collisions import collide
 from triboflux.kinetic.ensemble import Ensemble, Parameters
 from triboflux.sampling import Estimate
@@ -153,7 +153,7 @@ class Frozen:
         particles[:, 4] = np.cos(2 * np.pi * particles[:, 0])
         self.particles = np.empty_like(particles)
         self.start = np.zeros(cells + 1, np.int64)
-        sort(particles, self.particles, np.empty(number, np.int32), self.start)
+        sort(particles, self.particles, self.start, 0.0)
         self.diameter, self.random, self.words = diameter, random, words
 
     def decay(self, gamma: float, beta: float, time: float, steps: int) -> float:
@@ -164,7 +164,7 @@ class Frozen:
         law = (self.diameter, 1.0, gamma, beta, 0.8)
         rate, step = 0.25 * math.sqrt(math.pi), time / steps
         for _ in range(steps):
-            field = electric_field(p, self.start, 1.0)
+            field = electric_field(cell_charges(p, self.start), len(p), 1.0)
             # the order of the cells has an effect in one sweep, but not in two opposite ones
             for forward in (True, False):
                 collide(p, self.start, self.words, field, 0.5 * step, rate, law, forward)

@@ -73,7 +73,7 @@ def approach_moments(effort: Effort, orders: Sequence[float]) -> Iterator[Check]
                 cells = box.parameters.cells
                 start = np.zeros(cells + 1, np.int64)
                 particles = np.empty_like(box.particles)
-                sort(box.particles, particles, np.empty(len(particles), np.int32), start)
+                sort(box.particles, particles, start, 0.0)
                 field, rate = np.ones(cells + 1), 0.25 * math.sqrt(math.pi)
                 count, *_ = collide(particles, start, box.generator, field, 6.0, rate, law, True)
                 return -3.0 * float(particles[:, 4] @ particles[:, 1]) / count

@@ -168,7 +168,7 @@ def test_arrays_of_an_ensemble_take_at_most_100_bytes_a_particle():
     found.advance(1, 0.01)
     arrays = [value for value in vars(found).values() if isinstance(value, np.ndarray)]
     by_particle = [array.nbytes for array in arrays if array.shape[0] == NUMBER]
-    assert len(by_particle) == 3
+    assert len(by_particle) == 2
     assert sum(by_particle) <= 100 * NUMBER
     assert sum(array.nbytes for array in arrays) - sum(by_particle) < 1000
 

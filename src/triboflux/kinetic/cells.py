@@ -26,51 +26,92 @@ SUMS += ("r_xx", "r_yy", "r_zz", "t_xx", "t_mm", "n_x")
 
 @compiled
 def _cell(position: float, cells: int) -> int:
-    return min(int(position * cells), cells - 1)
+    # what is not a number any longer has to be in a cell, too
+    return min(int(position * cells), cells - 1) if position > 0.0 else 0
+
+
+@compiled
+def _flown(position: float, velocity: float, by: float) -> float:
+    place = position + by * velocity
+    return place - np.floor(place)
 
 
 @compiled
 def move(particles: Any, by: float) -> None:
     """Let all particles fly freely for a time, in box lengths over √Θ, and stay in the box."""
-    for p in particles:
-        position = p[0] + by * p[1]
-        p[0] = position - math.floor(position)
+    for i in range(particles.shape[0]):
+        particles[i, 0] = _flown(particles[i, 0], particles[i, 1], by)
 
 
 @compiled
-def sort(particles: Any, sorted_: Any, cell_of: Any, start: Any) -> None:
-    """Copy particles to `sorted_` in the order of their cells, and set `start`."""
+def sort(particles: Any, sorted_: Any, start: Any, by: float) -> Any:
+    """Let particles fly as `move` does, into another array in the order of their cells.
+
+    Parameters
+    ----------
+    particles : numpy.ndarray
+        Not changed.
+    sorted_, start : numpy.ndarray
+        They are set.
+    by : float
+        Time in box lengths over √Θ.
+
+    Returns
+    -------
+    numpy.ndarray
+        The charge of each cell.
+    """
     cells = start.size - 1
     start[:] = 0
     for i in range(particles.shape[0]):
-        cell = _cell(particles[i, 0], cells)
-        cell_of[i] = cell
-        start[cell + 1] += 1
+        start[_cell(_flown(particles[i, 0], particles[i, 1], by), cells) + 1] += 1
     for cell in range(cells):
         start[cell + 1] += start[cell]
-    following = start[:-1].copy()
+    following, charge = start[:-1].copy(), np.zeros(cells)
     for i in range(particles.shape[0]):
-        place = following[cell_of[i]]
-        following[cell_of[i]] = place + 1
-        for column in range(COLUMNS):
-            sorted_[place, column] = particles[i, column]
+        position = _flown(particles[i, 0], particles[i, 1], by)
+        cell = _cell(position, cells)
+        place = following[cell]
+        following[cell] = place + 1
+        charge[cell] += particles[i, 4]
+        # a loop over the columns would become a call of a function for every particle
+        sorted_[place, 0] = position
+        sorted_[place, 1] = particles[i, 1]
+        sorted_[place, 2] = particles[i, 2]
+        sorted_[place, 3] = particles[i, 3]
+        sorted_[place, 4] = particles[i, 4]
+    return charge
 
 
 @compiled
-def electric_field(particles: Any, start: Any, length: float) -> Any:
+def cell_charges(particles: Any, start: Any) -> Any:
+    """Return the charge of each cell of sorted particles."""
+    charge = np.zeros(start.size - 1)
+    for cell in range(charge.size):
+        for i in range(start[cell], start[cell + 1]):
+            charge[cell] += particles[i, 4]
+    return charge
+
+
+@compiled
+def electric_field(charge: Any, number: int, length: float) -> Any:
     """Return the field on the left faces of all cells, scaled by n Q0 L/ε0, exact in 1-D.
 
     The mean charge is neutralised, the mean field vanishes, and the last entry repeats the first.
+
+    Parameters
+    ----------
+    charge : numpy.ndarray
+        Of each cell, scaled by Q0.
+    number : int
+        Of particles.
+    length : float
+        Of the box, scaled by L.
     """
-    cells = start.size - 1
-    charge = np.zeros(cells)
-    for cell in range(cells):
-        for i in range(start[cell], start[cell + 1]):
-            charge[cell] += particles[i, 4]
-    charge -= charge.mean()
+    cells, mean = charge.size, charge.mean()
     field = np.zeros(cells + 1)
     for cell in range(cells):
-        field[cell + 1] = field[cell] + charge[cell] * (length / particles.shape[0])
+        field[cell + 1] = field[cell] + (charge[cell] - mean) * (length / number)
     return field - field[1:].mean()
 
 

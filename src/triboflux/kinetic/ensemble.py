@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from triboflux.errors import InputError
 from triboflux.kinetic.cells import (
     COLUMNS,
     accelerate,
+    cell_charges,
     cell_sums,
     electric_field,
     hold,
@@ -188,7 +189,6 @@ class Ensemble:
         self.steps = 0
         self.largest_probability = 0.0
         self._spare = np.empty((len(particles), COLUMNS))
-        self._cell_of = np.empty(len(particles), dtype=np.int32)
         self._start = np.zeros(parameters.cells + 1, dtype=np.int64)
 
     def advance(self, steps: int, time_step: float) -> None:
@@ -208,20 +208,31 @@ class Ensemble:
         p = self.parameters
         forced = p.energy_ratio > 0.0 or p.drag_rate > 0.0
         held = p.thermostat != "none" and (forced or p.restitution < 1.0)
+        flight = half
         for _ in range(steps):
-            move(self.particles, half)
-            self._sort()
-            self._interact(time_step, forced=forced, held=held)
-            move(self.particles, half)
+            charge = self._sort(flight)
+            self._interact(charge, time_step, forced=forced, held=held)
             if held:
+                move(self.particles, half)
                 hold(self.particles, self._local_motion())
+            else:
+                # the two halves of a flight that nothing interrupts
+                flight = 2.0 * half
             self.steps += 1
+        if not held:
+            move(self.particles, half)
 
-    def _interact(self, time: float, *, forced: bool, held: bool) -> None:
+    def _interact(
+        self, charge: NDArray[np.float64], time: float, *, forced: bool, held: bool
+    ) -> None:
         """Accelerate, collide, accelerate, with half of what a thermostat does on either side."""
         p, half = self.parameters, 0.5 * time
         warm = p.thermostat == "full"
-        field = self._accelerate(half) if forced or p.field_transfer > 0.0 else _NO_FIELD
+        field = _NO_FIELD
+        if forced or p.field_transfer > 0.0:
+            field = self._field(charge)
+        if forced:
+            self._accelerate(half, field)
         motion = self._local_motion() if held else None
         if held:
             hold(self.particles, motion)
@@ -240,7 +251,7 @@ class Ensemble:
             # the second half of the step will do what the first half did
             hold(self.particles, motion)
         if forced:
-            self._accelerate(half)
+            self._accelerate(half, self._field(cell_charges(self.particles, self._start)))
 
     def _temperature(self) -> float:
         """Return the mean square of a velocity component."""
@@ -269,23 +280,29 @@ class Ensemble:
 
     def sums(self) -> NDArray[np.float64]:
         """Return counts, means and products of deviations, of shape ``(len(SUMS), points)``."""
-        self._sort()
-        return cell_sums(self.particles, self._start, self.parameters.points)
+        return self.sums_and_field()[0]
 
-    def field(self) -> NDArray[np.float64]:
-        """Return the electric field on the faces of the collision cells, both ends included."""
-        self._sort()
-        return electric_field(self.particles, self._start, self.parameters.length)
+    def sums_and_field(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what `sums` does, and the electric field on all faces of the collision cells."""
+        charge = self._sort(0.0)
+        sums = cell_sums(self.particles, self._start, self.parameters.points)
+        return sums, self._field(charge)
 
-    def _sort(self) -> None:
-        sort(self.particles, self._spare, self._cell_of, self._start)
+    def _sort(self, by: float) -> NDArray[np.float64]:
+        """Let particles fly for a time in box lengths over √Θ, order them, and return charges."""
+        charge: NDArray[np.float64] = sort(self.particles, self._spare, self._start, by)
         self.particles, self._spare = self._spare, self.particles
+        return charge
 
-    def _accelerate(self, time: float) -> Any:
+    def _field(self, charge: NDArray[np.float64]) -> NDArray[np.float64]:
+        field: NDArray[np.float64] = electric_field(
+            charge, len(self.particles), self.parameters.length
+        )
+        return field
+
+    def _accelerate(self, time: float, field: NDArray[np.float64]) -> None:
         p = self.parameters
-        field = electric_field(self.particles, self._start, p.length)
         # the exact motion under a constant force and drag
         slowed = math.exp(-time * p.drag_rate)
         acting = -math.expm1(-time * p.drag_rate) / p.drag_rate if p.drag_rate else time
         accelerate(self.particles, self._start, field, acting * p.energy_ratio, slowed)
-        return field

@@ -12,7 +12,7 @@ from triboflux.kinetic.cells import SUMS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from triboflux.kinetic.ensemble import Ensemble
+    from triboflux.kinetic.ensemble import Ensemble, Parameters
 
 SMOOTH_WAVES = 8
 """Waves of the mean charge that its largest value is found from; shorter ones are noise."""
@@ -41,13 +41,14 @@ def moments_of(ensemble: Ensemble) -> dict[str, NDArray[np.float64]]:
     dict of str to numpy.ndarray
         Each of shape ``(points,)``, by the names in `MOMENTS`.
     """
-    s = dict(zip(SUMS, ensemble.sums(), strict=True))
+    sums, faces = ensemble.sums_and_field()
+    s = dict(zip(SUMS, sums, strict=True))
     count = s["count"]
     pairs, triples = count - 1.0, (count - 1.0) * (count - 2.0) / count
     r_xx = s["r_xx"] / pairs
     rise = 0.5 * (np.roll(s["charge"], -1) - np.roll(s["charge"], 1))
     covariance, variance = s["covariance"] / pairs, s["variance"] / pairs - rise**2 / 12.0
-    field, potential = _field_and_potential(ensemble)
+    field, potential = _field_and_potential(ensemble.parameters, faces)
     return {
         "charge": s["charge"],
         "covariance": covariance,
@@ -66,11 +67,9 @@ def moments_of(ensemble: Ensemble) -> dict[str, NDArray[np.float64]]:
 
 
 def _field_and_potential(
-    ensemble: Ensemble,
+    p: Parameters, faces: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return both in the middle of the output cells, where the grid points are."""
-    p = ensemble.parameters
-    faces = ensemble.field()
     width = p.length / p.cells
     potential = np.concatenate([[0.0], -np.cumsum(faces[1:] + faces[:-1]) * (0.5 * width)])
     potential -= potential[1:].mean()
