@@ -190,6 +190,32 @@ def test_gamma_and_beta_follow_from_the_numbers():
     assert Parameters.of(small_case({"dilute": True})).diameter == 0.0
 
 
+@pytest.mark.parametrize("outputs", [[0.1], [0.0, 0.1]])
+def test_particles_that_diverge_leave_the_states_before(tmp_path, outputs):
+    """Each collision multiplies charges by 10⁸, and the output to come lies after the overflow."""
+    case = small_case({"ensembles": 2}, {"outputs": outputs}, tau_c=1e-3, peclet=1e-6)
+    begun = small_case({"ensembles": 2}, {"outputs": [0.0]}, tau_c=1e-3, peclet=1e-6)
+    found = tbf.simulate(case)
+    assert found.status == "diverged"
+    assert found.stop_reason == "particles were not finite any longer at t = 0.1"
+    assert found.dataset["time"].values.tolist() == [0.0]
+    for name, values in tbf.simulate(begun).dataset.isel(time=[0]).data_vars.items():
+        assert found.dataset[name].equals(values)
+    assert found.stats["collisions"] > 0
+    tbf.simulate_to_file(case, tmp_path / "out.nc")
+    assert tbf.load(tmp_path / "out.nc").status == "diverged"
+    assert tbf.load(tmp_path / "out.nc").dataset["charge"].equals(found.dataset["charge"])
+    assert [path.name for path in tmp_path.iterdir()] == ["out.nc"]
+
+
+def test_a_step_follows_fast_drag():
+    """Much longer ones would need random forces beyond the largest number."""
+    case = small_case({"particles": 1000, "ensembles": 2}, {"t_end": 1e-4}, tau_p=1e-6)
+    assert Parameters.of(case).time_step == pytest.approx(2.5e-7)
+    last = tbf.simulate(case).dataset.isel(time=-1)
+    assert float(last["granular_temperature"].mean()) == pytest.approx(1.0, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

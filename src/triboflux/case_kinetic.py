@@ -26,8 +26,8 @@ class Kinetic(InputModel):
         default a cell is an eighth of a diameter wide, or a 128th of the box for dilute particles,
         as long as 20 particles are left in each.
     time_step : float or None
-        Scaled by :math:`L/\sqrt\Theta`; by default a quarter of the collision time, a fiftieth, or
-        a tenth over the root of the energy ratio, whichever is smallest.
+        Scaled by :math:`L/\sqrt\Theta`; by default a quarter of the collision time or of the
+        drag time, a fiftieth, or a tenth over the root of the energy ratio, whichever is smallest.
     mean_field : bool
         Accelerate particles by the electric field of all of them.
     thermostat : str

@@ -150,9 +150,10 @@ def _cells(case: Case, options: Kinetic, diameter: float) -> int:
 
 def _time_step(case: Case, options: Kinetic) -> float:
     """Return the longest time step."""
-    limits = [_COLLISIONS_IN_STEP * case.numbers.tau_c, _PATH_IN_STEP * case.grid.lengths[0]]
-    if options.mean_field and case.numbers.energy_ratio > 0.0:
-        limits.append(_SWING_IN_STEP / math.sqrt(case.numbers.energy_ratio))
+    n = case.numbers
+    limits = [_COLLISIONS_IN_STEP * min(n.tau_c, n.tau_p), _PATH_IN_STEP * case.grid.lengths[0]]
+    if options.mean_field and n.energy_ratio > 0.0:
+        limits.append(_SWING_IN_STEP / math.sqrt(n.energy_ratio))
     usual = min(limits)
     if options.time_step is None:
         return usual

@@ -129,7 +129,9 @@ class ParticleSegments:
         now = replace(now, step=done, time=time, steps=now.steps + chunk)
         if not all(np.isfinite(e.particles).all() for e in self.ensembles):
             reason = f"particles were not finite any longer at t = {time:.6g}"
-            self.position = replace(now, ending=("diverged", reason))
+            if not len(records):
+                self._record_start(records)
+            self.position = replace(now, recorded=len(records), ending=("diverged", reason))
             return
         now = replace(now, before=now.peak, peak=(time, *self._peak_charge()))
         stop = self._case.run.stop_at_peak_charge
@@ -168,6 +170,14 @@ class ParticleSegments:
             mean, error = mean_and_error([moments[name] for moments in found])
             record |= {name: mean, f"{name}{STANDARD_ERROR}": error}
         records.append(record)
+
+    def _record_start(self, records: Records) -> None:
+        """Record the initial state, the last that is known where all outputs lie further on."""
+        seeds = np.random.SeedSequence(self.options.seed).spawn(self.options.ensembles)
+        for ensemble, seed in zip(self.ensembles, seeds, strict=True):
+            # one after the other: there may be no memory for all particles once more
+            ensemble.particles = self._draw(seed).particles
+        self._record(records, Position(peak=(0.0, *self._peak_charge())))
 
     def progress(self) -> Progress:
         """Return how far the simulation is."""
