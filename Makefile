@@ -56,8 +56,9 @@ format: $(VENV)/.installed ## mend formatting and what lint can mend
 	$(BIN)/python -m ruff check --fix
 	$(BIN)/python -m ruff format
 
-bench: $(VENV)/.installed ## time the solver beside SciPy's
+bench: $(VENV)/.installed ## time the solver beside SciPy's, plain and compiled
 	$(BIN)/python -m benchmarks.first
+	$(BIN)/python -m benchmarks.peers --short
 
 evidence: $(VENV)/.installed ## write the tables of docs/closures.md and docs/suspension.md anew
 	$(BIN)/python -m benchmarks.closure_evidence --write

@@ -82,17 +82,13 @@ class _Functions(eqx.Module):
 
     def homogeneous(self, y0: PyTree) -> PyTree:
         """Return the states at all nodes without the nonlinear part, stacked."""
-        return jax.vmap(lambda operator: operator.apply(y0))(self.zeroth)
+        first = jax.tree.map(lambda a: a[None], (self.zeroth, y0))
+        return first[0].apply_all(first[1])
 
     def response(self, polynomials: Any, at: slice = slice(None)) -> PyTree:
         """Return what polynomials through the nonlinear parts add to the states at the nodes."""
-
-        def apply(operator: LinearOperator, coefficient: PyTree) -> PyTree:
-            return jax.vmap(lambda o: o.apply(coefficient))(operator)
-
         chosen = jax.tree.map(lambda a: a[:, at], self.higher)
-        parts = jax.vmap(apply)(chosen, ft.reduce(lambda a, b: a + b, polynomials))
-        return jax.tree.map(lambda a: jnp.sum(a, axis=0), parts)
+        return chosen.apply_all(ft.reduce(lambda a, b: a + b, polynomials))
 
 
 class ExponentialInterpolation(diffrax.AbstractLocalInterpolation):
@@ -267,7 +263,10 @@ def _constant(n0: Array) -> Array:
 
 
 def _coefficients(basis: Array, n0: Array, values: Array) -> Array:
-    return jnp.tensordot(basis, jnp.concatenate([n0[None], values]), axes=1)
+    # Sums written out become one pass over the modes; a product with so small a matrix does not.
+    columns = [basis[:, i].reshape((-1,) + (1,) * n0.ndim) for i in range(basis.shape[1])]
+    terms = (c * v[None] for c, v in zip(columns, [n0, *values], strict=True))
+    return ft.reduce(lambda a, b: a + b, terms)
 
 
 def _first(stacked: PyTree) -> PyTree:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools as ft
 from abc import abstractmethod
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jaxtyping import Array, Float, Int
 
 from triboflux.grid import Grid
@@ -26,6 +29,21 @@ class LinearOperator(eqx.Module):
     @abstractmethod
     def apply(self, state: Any) -> Any:
         """Return the operator applied to a state, or to part of one."""
+
+    def apply_all(self, states: Any) -> Any:
+        """Return ``Σ_m A_mc y_m`` for all c, of operators with leading axes m and c.
+
+        Parameters
+        ----------
+        states : pytree
+            The y_m, stacked along a leading axis.
+        """
+
+        def apply(operator: LinearOperator, state: Any) -> Any:
+            return jax.vmap(lambda o: o.apply(state))(operator)
+
+        parts = jax.vmap(apply)(self, states)
+        return jax.tree.map(lambda a: jnp.sum(a, axis=0), parts)
 
 
 class DenseOperator(LinearOperator):
@@ -87,17 +105,44 @@ class BlockOperator(LinearOperator):
         results = [None if x is None else blocks[0, 0, i][None] * x for i, x in enumerate(scalars)]
         return Moments(charge=results[0], variance=results[1])
 
+    def apply_all(self, states: Moments) -> Moments:
+        """Return ``Σ_m A_mc y_m`` for all c; ``None`` moments count as zero.
+
+        Written out as sums over m, which the compiler makes one pass over the modes, and with one
+        projection per state instead of one per operator.
+        """
+        if not self.vector:
+            blocks = self._expand(self.blocks)
+            scalars = ((0, states.charge), (1, states.variance))
+            charge, variance = (_summed(blocks[:, :, 0, 0, i], x, 1) for i, x in scalars)
+            return Moments(charge=charge, variance=variance)
+        blocks = self._expand(self.blocks)
+        across = blocks[:, :, 0, 0, 1]
+        charge = _summed(blocks[:, :, 0, 0, 0], states.charge, 1)
+        turned = _summed(blocks[:, :, 1, 0, 0], states.charge, 1)
+        rest = None
+        if states.covariance is not None:
+            unit = lax.optimization_barrier(_unit(self.grid))
+            along = jax.vmap(lambda c: _longitudinal(unit, c))(states.covariance)
+            charge = _plus(charge, _summed(blocks[:, :, 0, 1, 0], along, 1))
+            turned = _plus(turned, _summed(blocks[:, :, 1, 1, 0] - across, along, 1))
+            rest = _summed(across, states.covariance, 2)
+        if turned is not None:
+            unit = lax.optimization_barrier(_unit(self.grid))
+            rest = _plus(rest, jax.vmap(lambda a: _vector(unit, a))(turned))
+        return Moments(charge, rest, _summed(blocks[:, :, 1, 1, 1], states.variance, 1))
+
     def _apply_vector(self, blocks: Array, state: Moments) -> Moments:
         transverse, variance = blocks[0, 0, 1], blocks[1, 1, 1]
-        charge = covariance = None
+        unit, charge, covariance = _unit(self.grid), None, None
         if state.charge is not None:
             charge = blocks[0, 0, 0][None] * state.charge
-            covariance = _vector(self.grid, blocks[1, 0, 0][None] * state.charge)
+            covariance = _vector(unit, blocks[1, 0, 0][None] * state.charge)
         if state.covariance is not None:
-            along = _longitudinal(self.grid, state.covariance)
+            along = _longitudinal(unit, state.covariance)
             into_charge = blocks[0, 1, 0][None] * along
             charge = into_charge if charge is None else charge + into_charge
-            rest = _vector(self.grid, (blocks[1, 1, 0] - transverse)[None] * along)
+            rest = _vector(unit, (blocks[1, 1, 0] - transverse)[None] * along)
             rest = rest + transverse[None, None] * state.covariance
             covariance = rest if covariance is None else covariance + rest
         if state.variance is None:
@@ -177,14 +222,31 @@ def _unit(grid: Grid) -> list[Array]:
     return [jnp.asarray(k) * inverse for k in grid.wave_vector()]
 
 
-def _longitudinal(grid: Grid, vector: Float[Array, "d 2 *modes"]) -> Float[Array, "2 *modes"]:
+def _summed(factors: Array, states: Array | None, axes: int) -> Array | None:
+    """Return Σ_m f_mc y_m, where the y_m have so many axes more before those of the modes."""
+    if states is None:
+        return None
+    wide = factors.reshape((*factors.shape[:2], *(1,) * axes, *factors.shape[2:]))
+    products = (f * y[None] for f, y in zip(wide, states, strict=True))
+    return ft.reduce(lambda a, b: a + b, products)
+
+
+def _plus(left: Array | None, right: Array | None) -> Array | None:
+    if left is None or right is None:
+        return right if left is None else left
+    return left + right
+
+
+def _longitudinal(
+    unit: list[Array], vector: Float[Array, "d 2 *modes"]
+) -> Float[Array, "2 *modes"]:
     """Return c = i k·C/|k|; zero at k = 0."""
-    pairs = zip(_unit(grid), vector, strict=True)
+    pairs = zip(unit, vector, strict=True)
     along = sum((u[None] * f for u, f in pairs), start=jnp.zeros_like(vector[0]))
     return jnp.stack([-along[1], along[0]])
 
 
-def _vector(grid: Grid, along: Float[Array, "2 *modes"]) -> Float[Array, "d 2 *modes"]:
+def _vector(unit: list[Array], along: Float[Array, "2 *modes"]) -> Float[Array, "d 2 *modes"]:
     """Return the longitudinal vector -i (k/|k|) c."""
     turned = jnp.stack([along[1], -along[0]])
-    return jnp.stack([u[None] * turned for u in _unit(grid)])
+    return jnp.stack([u[None] * turned for u in unit])

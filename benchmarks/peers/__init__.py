@@ -1,0 +1,1 @@
+"""The package beside the tools that people would use instead, on the same problems."""
