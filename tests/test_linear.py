@@ -12,7 +12,7 @@ from tests.fields import PAPER, full_model
 from tests.runs import random_coefficients
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
-from triboflux.integrators.linear import DenseOperator, block_operator
+from triboflux.integrators.linear import DenseOperator, LinearOperator, block_operator
 from triboflux.models import Model, Term, evaluate
 from triboflux.models.terms import IDENTITY, LAPLACIAN
 from triboflux.moments import Moments
@@ -126,6 +126,26 @@ def test_blocks_are_made_once_per_distinct_wave_number():
     assert operator.blocks.shape == (2, 2, 2, len(squares))
     expanded, *_ = functions_of(operator, jnp.asarray(TIMES))
     assert expanded.blocks.shape == (len(TIMES), 2, 2, 2, *grid.modes)
+
+
+@grids
+@pytest.mark.parametrize("present", ["charge", "covariance", "variance", None])
+def test_sums_of_applied_operators(grid, present):
+    operator = block_operator(coupled_model(grid.dimensions), grid)
+    times = jnp.asarray(TIMES)
+    # Leading axes: two functions, and what is stacked already, two times.
+    functions = jax.tree.map(lambda *a: jnp.stack(a), *functions_of(operator, times)[1:3])
+    whole = random_coefficients(grid)
+    state = whole if present is None else Moments(**{present: getattr(whole, present)})
+    states = jax.tree.map(lambda a: jnp.stack([a, -0.3 * a + 0.1]), state)
+    found = eqx.filter_jit(lambda f, y: f.apply_all(y))(functions, states)
+    expected = eqx.filter_jit(LinearOperator.apply_all)(functions, states)
+    for name in ("charge", "covariance", "variance"):
+        one, other = getattr(found, name), getattr(expected, name)
+        assert (one is None) == (other is None)
+        if one is not None:
+            scale = float(jnp.abs(other).max())
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-14 * scale)
 
 
 def scalar_term(moment, operator, coefficient):
