@@ -180,8 +180,8 @@ def test_ctrl_c_in_python_keeps_the_run(tmp_path, whole):
 def test_ctrl_c_within_a_segment_loses_that_segment_only(tmp_path, monkeypatch, whole):
     usual, calls = segments.Segments._record, itertools.count()
 
-    def record(self, records, time, coefficients):
-        usual(self, records, time, coefficients)
+    def record(*arguments):
+        usual(*arguments)
         if next(calls) == 3:
             raise KeyboardInterrupt
 

@@ -164,6 +164,10 @@ class Run(InputModel):
         Number of equally spaced output times, or increasing output times.
     rtol, atol : float
         Relative and absolute tolerance of a time step.
+    adaptive_points : bool
+        Work on fewer points than the grid's for as long as they resolve the state; see
+        `triboflux.resolution`. Runs with bounds that are looked for on the points, those of the
+        algebraic model and of `realizability_bound`, always work on the grid's.
     realizability_bound : float or None
         Stop, with status ``"nonphysical"``, when |C|² − V, which no joint distribution of charges
         and velocities lets rise above zero, has risen to this value anywhere, scaled by Q0².
@@ -179,6 +183,7 @@ class Run(InputModel):
     outputs: Annotated[int | Reals, BeforeValidator(case_checks.parse_outputs)] = 20
     rtol: Annotated[Real, bounded(1e-12, 1e-1)] = 1e-6
     atol: NonNegative = 1e-9
+    adaptive_points: Flag = True
     realizability_bound: Positive | None = None
     allow_out_of_range: Flag = False
 

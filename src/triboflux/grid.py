@@ -145,6 +145,32 @@ class Grid(eqx.Module):
             full = jnp.concatenate(parts, axis=axis)
         return jnp.fft.irfftn(full, s=self.points, axes=axes, norm="forward")
 
+    def resized(
+        self, coefficients: Float[Array, "*coefficients"], to: Grid
+    ) -> Float[Array, "*others"]:
+        """Return kept Fourier coefficients of this grid as those of another grid of the same box.
+
+        Parameters
+        ----------
+        coefficients : Array
+            Shape ``[..., 2, *modes]``.
+        to : Grid
+            With more or fewer points per axis; modes that only it keeps become zero, and modes
+            that it does not keep are dropped.
+        """
+        d = self.dimensions
+        for axis, (old, new) in enumerate(zip(self.kept, to.kept, strict=True)):
+            place, common = axis - d, min(old, new)
+            low = _slice(coefficients, place, 0, common + 1)
+            last = axis == d - 1
+            shape = list(low.shape)
+            shape[place] = (new - common) * (1 if last else 2)
+            parts = [low, jnp.zeros(shape, low.dtype)]
+            if common and not last:
+                parts.append(_slice(coefficients, place, -common, None))
+            coefficients = jnp.concatenate(parts, axis=place)
+        return coefficients
+
     def rms(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
         """Return the root mean square of a field over the box, by Parseval's identity."""
         return jnp.sqrt(jnp.sum(jnp.sum(coefficients**2, axis=0) * _conjugate_weight(self)))

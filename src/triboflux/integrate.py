@@ -24,12 +24,16 @@ from triboflux.integrators.root import Illinois
 from triboflux.models.model import Model
 from triboflux.models.terms import Term, evaluate
 from triboflux.moments import Moments
+from triboflux.resolution import unresolved
 
 # Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
 # to what the round-off of the time does.
 STOP_PRECISION, FINEST = 1e-3, 1e-14
 # Above how many times the stop value the peak is not looked for between the points.
 FAR = 1.1
+# Comes last in the order of names: of the rules that apply within the same step Diffrax takes the
+# first, and one that ends the run must not be lost.
+UNRESOLVED = "unresolved"
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -52,6 +56,8 @@ class Settings(eqx.Module):
     realizability_bound : Scalar or None
         Stop when |C|² − V rises to this value on one of the points, scaled by Q0²; for models with
         a variance.
+    while_resolved : bool
+        Return after a step at whose end the grid is too coarse; see `resolution.unresolved`.
     max_steps : int
         Steps, rejected ones included, after which to return anyway.
     adjoint : diffrax.AbstractAdjoint
@@ -65,6 +71,7 @@ class Settings(eqx.Module):
     stop_at_peak_charge: Scalar | None = None
     stop_at_rate: Scalar | None = None
     realizability_bound: Scalar | None = None
+    while_resolved: bool = eqx.field(static=True, default=False)
     max_steps: int = eqx.field(static=True, default=4096)
     adjoint: diffrax.AbstractAdjoint = diffrax.RecursiveCheckpointAdjoint()
 
@@ -106,8 +113,11 @@ class Outcome(eqx.Module):
     stopped : dict of str to Array
         Whether the rule ``"peak_charge"``, ``"rate"``, ``"nonphysical"`` or ``"unrealizable"``
         ended it.
+    unresolved : Array
+        Whether it returned because the grid has become too coarse.
     finished : Array
-        Whether it is over: stopped, at the end, or failed; otherwise `max_steps` were made.
+        Whether it is over: stopped, at the end, or failed; otherwise `max_steps` were made, or it
+        goes on on a finer grid.
     failed : Array
         Whether the step size collapsed.
     """
@@ -118,6 +128,7 @@ class Outcome(eqx.Module):
     accepted: Int[Array, ""]
     rejected: Int[Array, ""]
     stopped: dict[str, Bool[Array, ""]]
+    unresolved: Bool[Array, ""]
     finished: Bool[Array, ""]
     failed: Bool[Array, ""]
 
@@ -159,6 +170,29 @@ def begin(model: Model, state: Moments, grid: Grid) -> Carry:
     """
     fields = {name: getattr(state, name) for name in model.evolves}
     coefficients = Moments(**{name: grid.to_spectral(field) for name, field in fields.items()})
+    return _not_begun(model, coefficients, grid)
+
+
+def moved(model: Model, carry: Carry, grid: Grid, to: Grid) -> Carry:
+    """Return the carry of a run that goes on on another grid of the same box.
+
+    Parameters
+    ----------
+    model : Model
+        What is integrated.
+    carry : Carry
+        Of a run on `grid`.
+    grid : Grid
+        Where it has been so far.
+    to : Grid
+        Where it goes on; modes that only this grid keeps begin at zero.
+    """
+    coefficients = jax.tree.map(lambda leaf: grid.resized(leaf, to), carry.coefficients)
+    fresh = _not_begun(model, coefficients, to)
+    return Carry(carry.time, coefficients, fresh.solver_state, carry.next_step)
+
+
+def _not_begun(model: Model, coefficients: Moments, grid: Grid) -> Carry:
     empty = eqx.filter_eval_shape(
         lambda y: ExponentialRungeKutta5().init(semilinear_term(model, grid), 0.0, 1.0, y, None),
         coefficients,
@@ -193,7 +227,6 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
     controller = LadderController(settings.rtol, settings.atol)
     step = _first_step(controller, term, carry, settings)
     rules = _stop_rules(model, term, grid, settings)
-    root_finder = Illinois(jnp.maximum(STOP_PRECISION * settings.rtol, FINEST))
     solution = diffrax.diffeqsolve(
         term,
         solver,
@@ -207,7 +240,7 @@ def advance(model: Model, carry: Carry, grid: Grid, settings: Settings) -> Outco
             solver_state=True,
             controller_state=True,
         ),
-        event=diffrax.Event(rules, root_finder, dict.fromkeys(rules, False)) if rules else None,
+        event=_event(rules, grid, settings),
         solver_state=carry.solver_state,
         controller_state=step,
         made_jump=False,
@@ -241,6 +274,18 @@ def integrate(model: Model, state: Moments, grid: Grid, settings: Settings) -> O
         With Fourier coefficients; ``grid.to_fields`` brings them to the points.
     """
     return advance(model, begin(model, state, grid), grid, settings)
+
+
+def _event(rules: dict[str, Any], grid: Grid, settings: Settings) -> diffrax.Event | None:
+    """Return what ends an integration: rules that fall through zero, or too coarse a grid."""
+    root_finder = Illinois(jnp.maximum(STOP_PRECISION * settings.rtol, FINEST)) if rules else None
+    if settings.while_resolved:
+
+        def too_coarse(t: Any, y: Moments, args: Any, **kwargs: Any) -> Array:
+            return unresolved(y, grid, settings.rtol, settings.atol)
+
+        rules = rules | {UNRESOLVED: too_coarse}
+    return diffrax.Event(rules, root_finder, dict.fromkeys(rules, False)) if rules else None
 
 
 def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
@@ -326,7 +371,8 @@ def _outcome(solution: diffrax.Solution, broken: dict[str, Bool[Array, ""]]) -> 
     states: Any = solution.ys
     final = jax.tree.map(lambda y: y[0], states["end"])
     exhausted = solution.result == diffrax.RESULTS.max_steps_reached
-    stopped: Any = {} if solution.event_mask is None else solution.event_mask
+    stopped: Any = {} if solution.event_mask is None else dict(solution.event_mask)
+    too_coarse = stopped.pop(UNRESOLVED, jnp.asarray(False))
     stopped = stopped | {name: stopped[name] | already for name, already in broken.items()}
     next_step: Any = solution.controller_state
     return Outcome(
@@ -336,7 +382,8 @@ def _outcome(solution: diffrax.Solution, broken: dict[str, Bool[Array, ""]]) -> 
         solution.stats["num_accepted_steps"],
         solution.stats["num_rejected_steps"],
         stopped,
-        ~exhausted,
+        too_coarse,
+        ~exhausted & ~too_coarse,
         ~exhausted & ~diffrax.is_okay(solution.result),
     )
 

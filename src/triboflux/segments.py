@@ -17,12 +17,22 @@ from triboflux.case_checks import check_stop_value
 from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.initial_state import initial_fields
-from triboflux.integrate import Carry, Outcome, Scalar, Settings, advance, begin, broken_bounds
+from triboflux.integrate import (
+    Carry,
+    Outcome,
+    Scalar,
+    Settings,
+    advance,
+    begin,
+    broken_bounds,
+    moved,
+)
 from triboflux.integrators.linear import distinct_wave_numbers
 from triboflux.keeping import Records
 from triboflux.models import Model
 from triboflux.moments import Moments
 from triboflux.progress import Progress, fraction_done
+from triboflux.resolution import coarsest_for, ladder
 
 if TYPE_CHECKING:
     from jaxtyping import Array
@@ -36,6 +46,7 @@ WINDOW, FEWEST_OUTPUTS = 2**21, 4
 
 _begin = eqx.filter_jit(begin)
 _advance = eqx.filter_jit(advance)
+_moved = eqx.filter_jit(moved)
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,8 @@ class Position:
     ----------
     carry : Carry
         State, integrator and controller.
+    grid : Grid
+        On which the run works now: the case's or a coarser one.
     accepted, rejected : int
         Steps so far.
     recorded : int
@@ -57,6 +70,7 @@ class Position:
     """
 
     carry: Carry
+    grid: Grid
     accepted: int = 0
     rejected: int = 0
     recorded: int = 0
@@ -97,22 +111,27 @@ class Segments:
 
     def __init__(self, case: Case, model: Model, grid: Grid) -> None:
         self._case, self._model, self._grid = case, model, grid
+        # bounds are looked for on the points, so they need the case's
+        bounded = bool(model.limits) or case.run.realizability_bound is not None
+        adaptive = case.run.adaptive_points and not bounded
+        self._grids = ladder(grid) if adaptive else (grid,)
         self._wanted = np.array(case.run.output_times)
         window = max(WINDOW // math.prod(grid.points), FEWEST_OUTPUTS)
         self._window = min(window, len(self._wanted))
         # many outputs in a large segment would be one more segment for each window
-        few = len(self._wanted) <= window
-        run, small = case.run, math.prod(grid.points) <= SMALL_GRID
+        self._few_outputs = len(self._wanted) <= window
+        run = case.run
         self._settings = Settings(
             *map(jnp.asarray, (run.t_end, run.rtol, run.atol)),
             stop_at_peak_charge=_optional(run.stop_at_peak_charge),
             stop_at_rate=_optional(run.stop_at_rate),
             realizability_bound=_optional(run.realizability_bound),
-            max_steps=STEPS_SMALL if small and few else STEPS_LARGE,
         )
         fields = Moments(*map(jnp.asarray, initial_fields(case)))
-        self.position = Position(_begin(model, fields, grid))
-        peak = self._peak_charge()
+        carry = _begin(model, fields, grid)
+        coarsest = coarsest_for(carry.coefficients, self._grids, run.rtol, run.atol)
+        self.position = Position(self._on(carry, grid, coarsest), coarsest)
+        peak = self._peak_charge(self.position.carry, coarsest)
         check_stop_value(case, peak)
         self._initial_peak = max(peak, 1e-300)
 
@@ -129,18 +148,22 @@ class Segments:
         now = self.position
         broken = self._broken_at_start()
         if broken is not None:
-            self._record(records, 0.0, now.carry.coefficients)
+            self._record(records, 0.0, now.carry.coefficients, now.grid)
             self.position = replace(now, recorded=1, ending=broken)
             return
         outcome = self._segment(records)
-        carry, ending = outcome.carry, None
+        carry, grid, ending = outcome.carry, now.grid, None
         if bool(outcome.finished):
             time = float(carry.time)
             if not len(records) or float(records[len(records) - 1]["time"]) < time:
-                self._record(records, time, carry.coefficients)
+                self._record(records, time, carry.coefficients, grid)
             ending = self._ending(outcome)
+        elif bool(outcome.unresolved):
+            grid = self._grids[self._grids.index(grid) + 1]
+            carry = self._on(carry, now.grid, grid)
         position = Position(
             carry,
+            grid,
             now.accepted + int(outcome.accepted),
             now.rejected + int(outcome.rejected),
             len(records),
@@ -148,9 +171,8 @@ class Segments:
             ending,
         )
         if estimate:
-            done = fraction_done(
-                self._case.run, float(carry.time), self._peak_charge(carry), self._initial_peak
-            )
+            peak = self._peak_charge(carry, grid)
+            done = fraction_done(self._case.run, float(carry.time), peak, self._initial_peak)
             # The peak may rise again, but what is done stays done.
             position = replace(position, done=max(now.done, done))
         self.position = position
@@ -163,7 +185,7 @@ class Segments:
             self._case.run.t_end,
             now.accepted,
             now.rejected,
-            self._peak_charge(),
+            self._peak_charge(now.carry, now.grid),
             now.done,
         )
 
@@ -172,13 +194,13 @@ class Segments:
         now = self.position
         arrays = {
             name: np.asarray(leaf) if places is None else np.asarray(leaf)[places]
-            for name, leaf, places, _ in self._leaves(now.carry)
+            for name, leaf, places, _ in self._leaves(now.carry, now.grid)
         }
         numbers = {
             name: getattr(now, name)
             for name in ("accepted", "rejected", "recorded", "done", "ending")
         }
-        return arrays, numbers
+        return arrays, numbers | {"points": now.grid.points}
 
     def restore(self, arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]) -> None:
         """Take a position that was stored.
@@ -193,17 +215,22 @@ class Segments:
         InputError
             If they do not fit the case.
         """
+        grid = next((g for g in self._grids if list(g.points) == numbers["points"]), None)
+        if grid is None:
+            raise InputError("the checkpoint is damaged: its points do not fit the case.")
+        begun = self._on(self.position.carry, self.position.grid, grid)
         leaves: list[Array] = []
-        for name, like, places, index in self._leaves(self.position.carry):
+        for name, like, places, index in self._leaves(begun, grid):
             found = arrays.get(name)
             shape = like.shape if places is None else np.asarray(like)[places].shape
             if found is None or found.shape != shape or found.dtype != like.dtype:
                 raise InputError(f"the checkpoint is damaged: {name} does not fit the case.")
             leaves.append(jnp.asarray(found if index is None else found[..., index]))
-        carry = jax.tree.unflatten(jax.tree.structure(self.position.carry), leaves)
+        carry = jax.tree.unflatten(jax.tree.structure(begun), leaves)
         ending = numbers["ending"]
         self.position = Position(
             carry,
+            grid,
             int(numbers["accepted"]),
             int(numbers["rejected"]),
             int(numbers["recorded"]),
@@ -213,32 +240,43 @@ class Segments:
 
     def layout(self) -> dict[str, tuple[int, ...]]:
         """Return the shape of every array of a record."""
-        evolved = {
-            name: getattr(self.position.carry.coefficients, name).shape
+        now = self.position
+        return {"time": ()} | {
+            name: (*leaf.shape[: leaf.ndim - self._grid.dimensions], *self._grid.modes)
             for name in self._model.evolves
+            for leaf in [getattr(now.carry.coefficients, name)]
         }
-        return {"time": (), **evolved}
 
-    def _leaves(self, carry: Carry) -> list[tuple[str, Array, Any, Any]]:
+    def _on(self, carry: Carry, grid: Grid, to: Grid) -> Carry:
+        """Return a carry on another grid, itself on its own."""
+        return carry if to == grid else _moved(self._model, carry, grid, to)
+
+    def _leaves(self, carry: Carry, grid: Grid) -> list[tuple[str, Array, Any, Any]]:
         """Return name, array and, where it depends on |k| only, how it is shortened and restored.
 
         The integrator's functions of the linear operator are the same for all modes of equal |k|,
         and would make a checkpoint many times larger than the state.
         """
-        _, index = distinct_wave_numbers(self._grid)
+        _, index = distinct_wave_numbers(grid)
         places = np.unique(index, return_index=True)[1]
-        modes = (..., *np.unravel_index(places, self._grid.modes))
+        modes = (..., *np.unravel_index(places, grid.modes))
         listed: list[tuple[str, Array, Any, Any]] = []
         for path, leaf in jax.tree_util.tree_leaves_with_path(carry):
             name = jax.tree_util.keystr(path)
             shared = name.startswith(".solver_state") and (
-                leaf.shape[-self._grid.dimensions :] == self._grid.modes
+                leaf.shape[-grid.dimensions :] == grid.modes
             )
             listed.append((name, leaf, modes if shared else None, index if shared else None))
         return listed
 
     def _segment(self, records: Records) -> Outcome:
-        left = self._wanted[len(records) :]
+        left, grid = self._wanted[len(records) :], self.position.grid
+        small = math.prod(grid.points) <= SMALL_GRID and self._few_outputs
+        begun = replace(
+            self._settings,
+            while_resolved=grid != self._grid,
+            max_steps=STEPS_SMALL if small else STEPS_LARGE,
+        )
         while True:
             # Times that are done move to the end, and are recorded again only if it is reached.
             pending = np.full(self._window, self._case.run.t_end)
@@ -246,25 +284,28 @@ class Segments:
             pending[: len(now)] = now
             settings = eqx.tree_at(
                 lambda s: s.outputs,
-                self._settings,
+                begun,
                 jnp.asarray(pending),
                 is_leaf=lambda x: x is None,
             )
-            outcome = _advance(self._model, self.position.carry, self._grid, settings)
+            outcome = _advance(self._model, self.position.carry, grid, settings)
             reached = min(int(np.sum(np.isfinite(outcome.times))), len(now))
             for i in range(reached):
-                self._record(records, now[i], jax.tree.map(lambda a: a[i], outcome.outputs))  # noqa: B023
+                self._record(records, now[i], jax.tree.map(lambda a: a[i], outcome.outputs), grid)  # noqa: B023
             left = left[reached:]
             if reached < len(now) or not left.size or left[0] > float(outcome.carry.time):
                 return outcome
             # More outputs lie in this segment than fit: it is made again for the others.
 
-    def _record(self, records: Records, time: float, coefficients: Moments) -> None:
-        evolved = {name: np.asarray(getattr(coefficients, name)) for name in self._model.evolves}
+    def _record(self, records: Records, time: float, coefficients: Moments, grid: Grid) -> None:
+        evolved = {
+            name: np.asarray(grid.resized(getattr(coefficients, name), self._grid))
+            for name in self._model.evolves
+        }
         records.append({"time": np.asarray(time, dtype=float), **evolved})
 
-    def _peak_charge(self, carry: Carry | None = None) -> float:
-        return float(_peak(self._grid, (carry or self.position.carry).coefficients))
+    def _peak_charge(self, carry: Carry, grid: Grid) -> float:
+        return float(_peak(grid, carry.coefficients))
 
     def _broken_at_start(self) -> tuple[str, str] | None:
         """Return status and reason if the initial state breaks a bound already."""
@@ -287,7 +328,8 @@ class Segments:
         """Return status and reason of the end of a run."""
         run = self._case.run
         if bool(outcome.failed):
-            return "diverged", breaches.failed_place(self._model, self._grid, outcome.carry)
+            carry = self._on(outcome.carry, self.position.grid, self._grid)
+            return "diverged", breaches.failed_place(self._model, self._grid, carry)
         for name in ("nonphysical", "unrealizable"):
             if bool(outcome.stopped.get(name, False)):
                 return "nonphysical", self._breach(name, outcome.carry)

@@ -226,12 +226,14 @@ class _Run:
         stats = {
             "accepted": position.accepted,
             "rejected": position.rejected,
+            "points": list(position.grid.points),
             "seconds": round(self._keeper.seconds, 3),
         }
         assert position.ending is not None
+        # a coarser grid is left before its spectrum would have to be warned of
         resolution = (
             diagnostics.resolution_warnings(self._grid, position.carry.coefficients)
-            if position.ending[0] == "ok"
+            if position.ending[0] == "ok" and position.grid == self._grid
             else []
         )
         return stats_and_warnings(stats, [*self._warnings, *resolution, *self._watch.warnings()])
