@@ -13,7 +13,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 # Up to how many points a transform in one dimension is a product with a matrix.
-DENSE_POINTS = 96
+DENSE_POINTS = 128
 # How many summits of a field compete for its peak.
 SUMMITS = 8
 
