@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
-
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.model import Model
 
 VARIANCE_TIMES_FIELD = t.Product("V E", ("variance", "electric_field"), lambda v, e: v[None] * e)
-FLUX_ALONG_GRADIENT = t.Product(
-    "C·∇Q", ("covariance", "charge_gradient"), lambda c, g: jnp.sum(c * g, axis=0)
-)
-FIELD_SQUARED = t.Product("|E|²", ("electric_field",), lambda e: jnp.sum(e**2, axis=0))
+FLUX_ALONG_GRADIENT = t.Product("C·∇Q", ("covariance", "charge_gradient"), t.dot)
+FIELD_SQUARED = t.Product("|E|²", ("electric_field",), lambda e: t.dot(e, e))
 
 
 def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 from jaxtyping import Array
 
 from triboflux.models import terms as t
@@ -25,16 +24,16 @@ def _numerator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return B |E|² - 2 C0·∇Q on the points, with C0 = (-P ∇Q + S E)/R."""
     by_gradient, by_field, _, production, _ = parameters
     return (
-        production * jnp.sum(field**2, axis=0)
-        + 2.0 * by_gradient * jnp.sum(gradient**2, axis=0)
-        - 2.0 * by_field * jnp.sum(field * gradient, axis=0)
+        production * t.dot(field, field)
+        + 2.0 * by_gradient * t.dot(gradient, gradient)
+        - 2.0 * by_field * t.dot(field, gradient)
     )
 
 
 def _denominator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     """Return F + 2 (u/R) E·∇Q on the points."""
     _, _, by_force, _, destruction = parameters
-    return destruction + 2.0 * by_force * jnp.sum(field * gradient, axis=0)
+    return destruction + 2.0 * by_force * t.dot(field, gradient)
 
 
 def _variance(gradient: Array, field: Array, *parameters: Scalar) -> Array:
@@ -52,14 +51,12 @@ ALGEBRAIC_VARIANCE = t.Product("V", _GRADIENT_AND_FIELD, _variance)
 ALGEBRAIC_FORCE = t.Product("V E", _GRADIENT_AND_FIELD, _force)
 NUMERATOR = t.Product("B |E|² - 2 C0·∇Q", _GRADIENT_AND_FIELD, _numerator)
 DENOMINATOR = t.Product("F + 2 (u/R) E·∇Q", _GRADIENT_AND_FIELD, _denominator)
-GRADIENT_SQUARED = t.Product("|∇Q|²", ("charge_gradient",), lambda g: jnp.sum(g**2, axis=0))
-FIELD_ALONG_GRADIENT = t.Product(
-    "E·∇Q", ("electric_field", "charge_gradient"), lambda e, g: jnp.sum(e * g, axis=0)
-)
+GRADIENT_SQUARED = t.Product("|∇Q|²", ("charge_gradient",), lambda g: t.dot(g, g))
+FIELD_ALONG_GRADIENT = t.Product("E·∇Q", ("electric_field", "charge_gradient"), t.dot)
 FORCE_ALONG_GRADIENT = t.Product(
     "V E·∇Q",
     ("variance", "electric_field", "charge_gradient"),
-    lambda v, e, g: v * jnp.sum(e * g, axis=0),
+    lambda v, e, g: v * t.dot(e, g),
 )
 
 

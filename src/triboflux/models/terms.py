@@ -8,6 +8,7 @@ finite-difference scheme, the budgets and the documentation read the same list.
 
 from __future__ import annotations
 
+import functools as ft
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -82,6 +83,14 @@ class Product:
     name: str
     reads: tuple[str, ...]
     function: Callable[..., Array]
+
+
+def dot(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "*x"]:
+    """Return the scalar product of two vector fields.
+
+    Written out, because the compiler makes a sum over an axis a pass of its own over the points.
+    """
+    return ft.reduce(lambda a, b: a + b, (x * y for x, y in zip(left, right, strict=True)))
 
 
 class Term(eqx.Module):
