@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools as ft
+import itertools
+import math
 from collections.abc import Iterable
 
 import equinox as eqx
@@ -14,6 +16,8 @@ from jaxtyping import Array, Float, Int
 
 # Up to how many points a transform in one dimension is a product with a matrix.
 DENSE_POINTS = 128
+# From how many points on fields are transformed one after another: together they leave the cache.
+ALONE = 2**15
 # How many summits of a field compete for its peak.
 SUMMITS = 8
 
@@ -110,6 +114,8 @@ class Grid(eqx.Module):
             return flat.reshape((*field.shape[:-1], 2, *self.modes))
         d = self.dimensions
         axes = tuple(range(-d, 0))
+        if field.ndim > d and math.prod(self.points) >= ALONE:
+            return lax.map(self.to_spectral, field)
         full = jnp.fft.rfftn(field, axes=axes, norm="forward")
         full = full[..., : self.kept[-1] + 1]
         for axis, k in zip(axes[:-1], self.kept[:-1], strict=True):
@@ -135,14 +141,20 @@ class Grid(eqx.Module):
             return coefficients.reshape((*coefficients.shape[:-2], -1)) @ jnp.asarray(inverse)
         d = self.dimensions
         axes = tuple(range(-d, 0))
+        if coefficients.ndim > d + 1 and math.prod(self.points) >= ALONE:
+            return lax.map(self.to_fields, coefficients)
         real, imaginary = jnp.moveaxis(coefficients, -d - 1, 0)
-        full = real + 1j * imaginary
-        for axis, k, n in zip(axes[:-1], self.kept[:-1], self.points[:-1], strict=True):
-            shape = list(full.shape)
-            shape[axis] = n - 2 * k - 1
-            parts = [_slice(full, axis, 0, k + 1), jnp.zeros(shape, full.dtype)]
-            parts += [_slice(full, axis, -k, None)] if k else []
-            full = jnp.concatenate(parts, axis=axis)
+        kept = lax.complex(real, imaginary)
+        shape = (*self.points[:-1], self.points[-1] // 2 + 1)
+        full = jnp.zeros((*kept.shape[:-d], *shape), kept.dtype)
+        # Written corner by corner into zeros, which costs a fraction of padding axis by axis.
+        for corner in itertools.product(*(((0, k + 1), (-k, None)) for k in self.kept[:-1])):
+            block, starts = kept, [0] * kept.ndim
+            for axis, (start, stop) in zip(axes[:-1], corner, strict=True):
+                block = _slice(block, axis, start, stop)
+                starts[axis] = start % full.shape[axis]
+            if block.size:
+                full = lax.dynamic_update_slice(full, block, starts)
         return jnp.fft.irfftn(full, s=self.points, axes=axes, norm="forward")
 
     def resized(

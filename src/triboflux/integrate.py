@@ -5,6 +5,7 @@ Nothing here validates, prints, reads or writes; `triboflux.solve` does that aro
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -31,6 +32,8 @@ from triboflux.resolution import unresolved
 STOP_PRECISION, FINEST = 1e-3, 1e-14
 # Above how many times the stop value the peak is not looked for between the points.
 FAR = 1.1
+# Up to how many points the products at all nodes of a level are evaluated together.
+TOGETHER = 2**17
 # Comes last in the order of names: of the rules that apply within the same step Diffrax takes the
 # first, and one that ends the run must not be lost.
 UNRESOLVED = "unresolved"
@@ -153,7 +156,8 @@ def semilinear_term(model: Model, grid: Grid) -> SemilinearTerm:
     def part(terms: tuple[Term, ...]) -> Callable[[Moments], Moments]:
         return eqx.Partial(evaluate, terms, calculus)
 
-    return SemilinearTerm(block_operator(model, grid), tuple(map(part, model.sweeps())))
+    together = math.prod(grid.points) <= TOGETHER
+    return SemilinearTerm(block_operator(model, grid), tuple(map(part, model.sweeps())), together)
 
 
 def begin(model: Model, state: Moments, grid: Grid) -> Carry:

@@ -38,10 +38,18 @@ class SemilinearTerm(diffrax.AbstractTerm):
     nonlinear : tuple of Callable
         The N_i, functions of the state; a level of stages updates them in this order, each with the
         newest values of those before it. A result may leave out vanishing moments as ``None``.
+    together : bool
+        Whether a part is evaluated for all nodes of a level together; one after the other they need
+        less memory, and less time where that of all is more than fits in the cache.
     """
 
     linear: LinearOperator
     nonlinear: tuple[Callable[[Any], Any], ...]
+    together: bool = eqx.field(static=True, default=True)
+
+    def at_nodes(self, part: Callable[[Any], Any], states: PyTree) -> PyTree:
+        """Return one of the N_i of stacked states, stacked."""
+        return jax.vmap(part)(states) if self.together else lax.map(part, states)
 
     def vf(self, t: Any, y: PyTree, args: PyTree) -> PyTree:
         """Return the whole right-hand side."""
@@ -207,27 +215,27 @@ def _advance(
     start = [part(y0) for part in term.nonlinear]
     constants = tuple(jax.tree.map(_constant, n0) for n0 in start)
 
-    def level(carry: tuple[Any, ...], basis: Array) -> tuple[tuple[Any, ...], None]:
-        newest = list(carry[0])
+    def level(carry: tuple[Any, ...], basis: Array) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        newest = list(carry)
         for i, part in enumerate(term.nonlinear):
-            values = jax.vmap(part)(_states(functions, homogeneous, newest))
+            values = term.at_nodes(part, _states(functions, homogeneous, newest))
             newest[i] = jax.tree.map(ft.partial(_coefficients, basis), start[i], values)
-        return (tuple(newest), *carry[:-1]), None
+        return tuple(newest), tuple(newest)
 
     bases = jnp.asarray(np.stack([_monomial_basis(chosen) for chosen in LEVELS]))
-    history, _ = lax.scan(level, (constants,) * len(LEVELS), bases)
+    polynomials, history = lax.scan(level, constants, bases)
 
     end = slice(len(NODES) - 1, None)
     states = jax.tree.map(lambda a: a[end], homogeneous)
-    y1 = _first(_states(functions, states, history[0], end))
+    y1 = _first(_states(functions, states, polynomials, end))
     zero = jax.tree.map(jnp.zeros_like, states)
 
-    def difference(new: Any, old: Any) -> PyTree:
-        return _first(_states(functions, zero, jax.tree.map(jnp.subtract, new, old), end))
+    def difference(newer: int) -> PyTree:
+        made = jax.tree.map(lambda a: a[newer] - a[newer - 1], history)
+        return _first(_states(functions, zero, made, end))
 
-    differences = map(difference, history[:-1], history[1:])
-    error = lax.stop_gradient(jax.tree.map(_estimate, *differences))
-    return y1, error, history[0]
+    error = lax.stop_gradient(jax.tree.map(_estimate, *map(difference, (-1, -2, -3))))
+    return y1, error, polynomials
 
 
 def _states(
