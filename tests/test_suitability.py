@@ -199,5 +199,5 @@ def test_saved_maps_are_read_again(tmp_path):
     with pytest.raises(InputError, match="exists"):
         save(made, tmp_path / "map.nc")
     (tmp_path / "map.txt").write_text("no map")
-    with pytest.raises(InputError, match="can't be read"):
+    with pytest.raises(InputError, match="is no readable NetCDF file"):
         load(tmp_path / "map.txt")

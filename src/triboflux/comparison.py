@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from triboflux.files import written_at_once
+from triboflux.netcdf_file import sealed_at_once
 
 # xarray is imported where it is needed, so that refusals come at once
 if TYPE_CHECKING:
@@ -268,7 +268,7 @@ class Comparison:
         TribofluxError
             If writing fails; no file is left then.
         """
-        with written_at_once(path, overwrite=overwrite) as partial:
+        with sealed_at_once(path, overwrite=overwrite) as partial:
             self.to_dataset().to_netcdf(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
                 partial, engine="netcdf4"
             )

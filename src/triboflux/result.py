@@ -23,8 +23,8 @@ from triboflux.case import MODELS_WITH_VARIANCE, Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown, shown_path
 from triboflux.fields import FIELDS, MODEL_FIELDS, STANDARD_ERROR, dimensions_of, labels_of
-from triboflux.files import written_at_once
 from triboflux.memory import available_memory
+from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.scales import Scales
 
 FORMAT_VERSION = 1
@@ -157,7 +157,7 @@ class Result:
             name: {"zlib": True, "complevel": 1, "_FillValue": None}
             for name in self.dataset.variables
         }
-        with written_at_once(path, overwrite=overwrite) as partial:
+        with sealed_at_once(path, overwrite=overwrite) as partial:
             self.dataset.to_netcdf(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
                 partial, engine="netcdf4", encoding=encoding
             )
@@ -297,6 +297,7 @@ def load(path: str | PathLike[str]) -> Result:
     name = f"result {shown_path(path)}"
     if not os.path.isfile(path):
         raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+    require_readable(path, name)
     try:
         opened = xr.open_dataset(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
             path, engine="netcdf4", decode_cf=False
@@ -306,8 +307,7 @@ def load(path: str | PathLike[str]) -> Result:
             return Result(opened.load())  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
     except InputError:
         raise
-    # what the readers raise on damaged files
-    except (OSError, RuntimeError, ValueError, LookupError) as error:
+    except Exception as error:  # of many kinds: what the readers raise on files of other programs
         reason = shown(str(error).partition("\n")[0], 120)[1:-1]
         raise InputError(f"{name} is no readable NetCDF file: {reason}.") from error
 

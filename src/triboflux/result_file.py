@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import netCDF4
 
-from triboflux.files import written_at_once
+from triboflux.netcdf_file import sealed_at_once
 from triboflux.result import Result
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def write_result(
             last[:] = [part.dataset.isel(time=slice(-1, None))]
             yield part.dataset
 
-    with written_at_once(path, overwrite=overwrite) as partial:
+    with sealed_at_once(path, overwrite=overwrite) as partial:
         write_in_parts(partial, times, converted(), final_attributes)
     return Result(last[0].assign_attrs(final_attributes()))
 

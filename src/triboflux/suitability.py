@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -19,8 +20,9 @@ from triboflux.case import MODEL_NAMES, Case
 from triboflux.case_text import case_table
 from triboflux.comparison import relative_errors
 from triboflux.errors import InputError, require_one_of, shown, shown_path
-from triboflux.files import require_folder, written_at_once
+from triboflux.files import require_folder
 from triboflux.initial_state import initial_fields
+from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.rates import scaled_rates
 from triboflux.sweep import Sweep, SweepProgress, sweep
 from triboflux.sweep_layout import coordinate_names
@@ -370,7 +372,7 @@ def save(dataset: xr.Dataset, path: str | PathLike[str], overwrite: bool = False
     TribofluxError
         If writing fails; no file is left then.
     """
-    with written_at_once(path, overwrite=overwrite) as partial:
+    with sealed_at_once(path, overwrite=overwrite) as partial:
         dataset.to_netcdf(partial, engine="netcdf4")  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
 
 
@@ -389,11 +391,15 @@ def load(path: str | PathLike[str]) -> xr.Dataset:
     """
     import xarray as xr
 
+    name = f"map {shown_path(path)}"
+    if not os.path.isfile(path):
+        raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+    require_readable(path, name)
     try:
         with xr.open_dataset(path, engine="netcdf4") as opened:  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
             found = opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
-    except (OSError, ValueError) as error:
-        raise InputError(f"map {shown_path(path)} can't be read as NetCDF.") from error
+    except Exception as error:  # of many kinds: what the readers raise on files of other programs
+        raise InputError(f"{name} is no readable NetCDF file.") from error
     if "reduced" not in found.attrs or "error" not in found:
-        raise InputError(f"map {shown_path(path)} was not written by triboflux chart.")
+        raise InputError(f"{name} was not written by triboflux chart.")
     return found
