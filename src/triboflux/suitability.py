@@ -26,6 +26,7 @@ from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.rates import scaled_rates
 from triboflux.sweep import Sweep, SweepProgress, sweep
 from triboflux.sweep_layout import coordinate_names
+from triboflux.sweep_store import readable
 from triboflux.sweep_values import ValueRange, plain
 
 if TYPE_CHECKING:
@@ -300,7 +301,10 @@ def _run(
     # a store takes one sweep only, so each gets its own
     digest = hashlib.sha256(members.to_toml().encode()).hexdigest()[:12]
     place = store.with_name(f"{store.name}-{digest}.zarr")
-    with sweep(members, place, workers=workers, retry=retry, on_progress=report) as opened:
+    with (
+        sweep(members, place, workers=workers, retry=retry, on_progress=report) as opened,
+        readable(f"store {shown_path(place)}"),
+    ):
         return opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
 
 

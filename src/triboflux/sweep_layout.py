@@ -84,10 +84,56 @@ def lay_out(group: Any, members: Sweep) -> None:
             shape=(*members.shape, *sizes),
             chunks=(*chunk, *sizes),
             dtype=kind,
+            compressors=_compressors(),
             fill_value=fill,
             dimension_names=(*dimensions, *inner),
             attributes=labels,
         )
+
+
+def _compressors() -> Any:
+    """Return what makes the bytes of a chunk smaller and adds a checksum, which is read first."""
+    import zarr.codecs as untyped
+
+    codecs: Any = untyped
+    return codecs.ZstdCodec(), codecs.Crc32cCodec()
+
+
+def require_laid_out(group: Any, members: Sweep) -> None:
+    """Refuse arrays that are not those of `lay_out`, before a wrong size is allocated.
+
+    Parameters
+    ----------
+    group : zarr.Group
+        Of a store.
+    members : Sweep
+        What the store is for.
+
+    Raises
+    ------
+    ValueError
+        If arrays are missing, too many or others, or if coordinates have other values.
+    """
+    import zarr as untyped
+
+    zarr: Any = untyped
+    expected = zarr.create_group(store=zarr.storage.MemoryStore())
+    lay_out(expected, members)
+    wanted, found = dict(expected.arrays()), dict(group.arrays())
+    if set(wanted) != set(found):
+        raise ValueError(f"its arrays are {', '.join(sorted(found))}")
+    for name, array in wanted.items():
+        if _described(found[name]) != _described(array):
+            raise ValueError(f"its array {name} is described wrongly")
+        if name not in VARIABLES and not np.array_equal(found[name][...], array[...]):
+            raise ValueError(f"its coordinate {name} has other values")
+
+
+def _described(array: Any) -> tuple[Any, ...]:
+    """Return what has to be the same in an array, whatever compresses it."""
+    about = array.metadata
+    fill = str(about.fill_value)
+    return (array.shape, array.chunks, array.dtype, fill, about.dimension_names, dict(array.attrs))
 
 
 def _kind(name: str) -> tuple[Any, Any, dict[str, str]]:
@@ -165,6 +211,7 @@ def _save(
         shape=values.shape,
         chunks=values.shape,
         dtype=str if text else values.dtype,
+        compressors=_compressors(),
         dimension_names=dimensions,
         attributes=labels,
     )

@@ -24,7 +24,7 @@ import numpy as np
 
 from triboflux.errors import InputError, TribofluxError, shown, shown_path
 from triboflux.files import require_folder
-from triboflux.sweep_layout import VARIABLES, lay_out
+from triboflux.sweep_layout import VARIABLES, lay_out, require_laid_out
 from triboflux.sweep_member import FIELDS, decisive_versions, decoded
 
 if TYPE_CHECKING:
@@ -151,7 +151,8 @@ class SweepStore:
         ]
         for name in (*(name for name in VARIABLES if name != "status"), "status"):
             array: Any = self._group[name]
-            block: Any = array[region]
+            with readable(self._name):
+                block: Any = array[region]
             for place, (_, record) in zip(places, records, strict=True):
                 block[place] = array.fill_value
                 if name in FIELDS and name in record.get("fields", {}):
@@ -195,20 +196,20 @@ class SweepStore:
         try:
             group = zarr.open_group(self._path, mode="r+")
             attributes = dict(group.attrs)
-        # what Zarr raises on anything that is no group
-        except (OSError, ValueError, LookupError, TypeError) as error:
-            if isinstance(error, PermissionError):
-                raise
+        except PermissionError:
+            raise
+        except Exception:  # Zarr raises many kinds on anything that is no group
             raise InputError(
                 f"{self._name} exists, but is no store of a sweep: choose another name."
             ) from None
         self._require_same(attributes)
         for leftover in self._path.rglob("*.partial"):
             leftover.unlink(missing_ok=True)
+        with readable(self._name):
+            require_laid_out(group, self._members)
+            texts = np.asarray(group["status"][...]).ravel()
         self._group = group
-        status = group["status"]
-        self._chunk = status.chunks
-        texts = np.asarray(status[...]).ravel()
+        self._chunk = group["status"].chunks
         self._status = np.where(texts == "", _MISSING, np.where(texts == "ok", _OK, _NOT_OK))
         self._failed = texts == "failed"
 
@@ -228,7 +229,8 @@ class SweepStore:
             raise InputError(
                 f"{self._name} holds another sweep: {difference}; choose another name."
             )
-        before = json.loads(str(attributes.get("versions_json")))
+        with readable(self._name):
+            before = dict(json.loads(str(attributes.get("versions_json"))))
         for name, number in decisive_versions().items():
             if before.get(name) != number:
                 raise InputError(
@@ -286,6 +288,32 @@ class SweepStore:
 
 
 _MISSING, _OK, _NOT_OK = 0, 1, 2
+
+
+@contextmanager
+def readable(name: str) -> Generator[None, None, None]:
+    """Turn what Zarr raises on a damaged store into one sentence.
+
+    Parameters
+    ----------
+    name : str
+        How to call the store.
+
+    Raises
+    ------
+    InputError
+        If what is done within fails in another way than ours or the file system's.
+    """
+    try:
+        yield
+    except (TribofluxError, OSError):
+        raise
+    except Exception as error:  # of many kinds, from Zarr and its codecs
+        reason = shown(str(error).partition("\n")[0], 120)[1:-1].rstrip(".")
+        raise InputError(
+            f"{name} is damaged ({reason or type(error).__name__}): choose another name, or remove "
+            "it to begin anew."
+        ) from error
 
 
 def _leaves(members: Sweep) -> dict[str, Any]:
