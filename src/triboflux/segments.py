@@ -44,6 +44,9 @@ SMALL_GRID, STEPS_SMALL, STEPS_LARGE = 2**14, 256, 4
 # Numbers per moment that a segment can put out, and the fewest outputs.
 WINDOW, FEWEST_OUTPUTS = 2**21, 4
 
+# A moment that stays zero has an error of zero, which needs something to be smaller than.
+LEAST_TOLERANCE = 1e-290
+
 _begin = eqx.filter_jit(begin)
 _advance = eqx.filter_jit(advance)
 _moved = eqx.filter_jit(moved)
@@ -122,7 +125,7 @@ class Segments:
         self._few_outputs = len(self._wanted) <= window
         run = case.run
         self._settings = Settings(
-            *map(jnp.asarray, (run.t_end, run.rtol, run.atol)),
+            *map(jnp.asarray, (run.t_end, run.rtol, max(run.atol, LEAST_TOLERANCE))),
             stop_at_peak_charge=_optional(run.stop_at_peak_charge),
             stop_at_rate=_optional(run.stop_at_rate),
             realizability_bound=_optional(run.realizability_bound),
