@@ -168,7 +168,7 @@ def styled(draw, given_tables):
     style = draw(st.sampled_from(["tables", "dotted", "inline", "windows"]))
     if style == "dotted":
         lines = [
-            f"{name}.{key} = {_inline(value)}"
+            f"{_key(name)}.{_key(key)} = {_inline(value)}"
             for name, table in given_tables.items()
             if isinstance(table, dict)
             for key, value in table.items()
@@ -176,7 +176,7 @@ def styled(draw, given_tables):
         return _plain(given_tables) + "\n".join(lines) + "\n"
     if style == "inline":
         pairs = [
-            f"{name} = {_inline(table)} # of the {name}"
+            f"{_key(name)} = {_inline(table)} # all of it"
             for name, table in given_tables.items()
             if isinstance(table, dict)
         ]
@@ -189,10 +189,15 @@ def _plain(given_tables):
     return tomli_w.dumps({k: v for k, v in given_tables.items() if not isinstance(v, dict)})
 
 
+def _key(key):
+    """Return a key, quoted unless it is a plain word."""
+    return tomli_w.dumps({key: 1}).removesuffix(" = 1\n")
+
+
 def _inline(value):
     """Return any value on one line of TOML."""
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_inline(v)}" for key, v in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {_inline(v)}" for key, v in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_inline, value)) + "]"
     return tomli_w.dumps({"x": value}).removeprefix("x = ").strip()
@@ -297,7 +302,8 @@ def wrong_texts(draw, programs=PROGRAMS):
     text = draw(styled(table))
     if change == "deep":
         nested = "[" * (depth := draw(st.sampled_from(_DEEP))) + "]" * depth
-        return f"deep = {nested}\n{text}", ("deep",)
+        mark = "\ufeff" if text.startswith("\ufeff") else ""
+        return f"{mark}deep = {nested}\n{text.removeprefix(mark)}", ("deep",)
     if change == "text":
         text, told = _spoilt(draw, text), ()
     return text, told
