@@ -209,7 +209,8 @@ def signalled(job: Job, whole: Undisturbed, number: int, folder: Path, chance: A
         _, errors = process.communicate(timeout=300)
         found["injected"] += process.returncode != 0
         found["unclean"] += not well_told(job, process.returncode, CODES, errors)
-        if process.returncode == 0:
+        # a signal may come when all is written already
+        if process.returncode == 0 or (job.kind != "sweep" and (folder / job.out).exists()):
             break
     return found + ended(job, whole, folder)
 
@@ -219,8 +220,11 @@ def ended(job: Job, whole: Undisturbed, folder: Path) -> Counter[str]:
     if job.kind == "sweep" or not (folder / job.out).exists():
         finish(job, folder)
     same = contents(job, folder).identical(whole.content)
+    # a result that was being written when its process was killed
     left = [name for name in os.listdir(folder) if name.startswith((".", "out.nc."))]
-    return Counter({"ends": 1, "lost": int(not same), "left": len(left)})
+    if left:
+        print(f"{job.kind} left {', '.join(left)}", file=sys.stderr)
+    return Counter({"ends": 1, "lost": int(not same), "hidden files left": len(left)})
 
 
 def vanished(job: Job, whole: Undisturbed, folder: Path, chance: Any) -> Counter[str]:

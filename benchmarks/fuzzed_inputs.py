@@ -61,7 +61,7 @@ def inputs_table(scale: float, chance: int) -> str:
     found = drawn(st.tuples(texts(particles), counts), many(SIMULATED), chance, check_run)
     rows.append(("the same for `kinetic`", found))
 
-    def wrong(pair: tuple[str, Any], command: str) -> str:
+    def wrong(pair: tuple[str, Any, bool], command: str) -> str:
         return _refused(check_wrong(*pair, command))
 
     commands = st.sampled_from(sorted(COMMANDS))

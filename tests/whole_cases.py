@@ -252,7 +252,7 @@ def _values():
             datetime.time(7, 32),
         ]
     )
-    return wrong | st.sampled_from(_TEXTS) | st.text(max_size=20) | st.integers()
+    return wrong | wrong | wrong | st.sampled_from(_TEXTS) | st.text(max_size=20) | st.integers()
 
 
 def _leaves(table, path=()):
@@ -272,9 +272,16 @@ def _at(table, path):
 
 @st.composite
 def wrong_texts(draw, programs=PROGRAMS):
-    """Return the TOML of a case with one thing changed, and names of which one has to be told.
+    """Return a case with one thing changed, what has to be told, and whether it must be refused.
 
-    Some of what comes out is allowed all the same. Without names any sentence will do.
+    Returns
+    -------
+    text : str
+        Of the case.
+    told : tuple of str
+        Names of which a sentence has to contain one; any will do if there are none.
+    surely : bool
+        Whether it is not allowed; other values, and other texts, may be allowed all the same.
     """
     table = copy.deepcopy(draw(tables(programs)))
     change = draw(st.sampled_from(["value", "value", "value", "key", "missing", "deep", "text"]))
@@ -299,14 +306,15 @@ def wrong_texts(draw, programs=PROGRAMS):
         key = draw(st.sampled_from((None, *_REQUIRED[name])))
         told = (name if key is None else key,)
         table.pop(name) if key is None else table[name].pop(key)
+    surely = change in ("missing", "deep") or (change == "key" and bool(told))
     text = draw(styled(table))
     if change == "deep":
         nested = "[" * (depth := draw(st.sampled_from(_DEEP))) + "]" * depth
         mark = "\ufeff" if text.startswith("\ufeff") else ""
-        return f"{mark}deep = {nested}\n{text.removeprefix(mark)}", ("deep",)
+        return f"{mark}deep = {nested}\n{text.removeprefix(mark)}", ("deep",), surely
     if change == "text":
         text, told = _spoilt(draw, text), ()
-    return text, told
+    return text, told, surely
 
 
 def _spoilt(draw, text):

@@ -98,23 +98,21 @@ def assert_equal(left, right):
     assert numbers[0] == numbers[1]
 
 
-def check_wrong(text, told, command="run"):
+def check_wrong(text, told, surely, command="run"):
     """Give a command a case with something wrong, and return whether it was refused.
 
     Parameters
     ----------
-    text : str
-        Of the case.
-    told : sequence of str
-        Names of which the sentence has to contain one; any will do if there are none.
+    text, told, surely
+        From `whole_cases.wrong_texts`.
     command : str
         One of `COMMANDS`.
     """
     with tempfile.TemporaryDirectory() as folder:
-        return _check_wrong(text, told, Path(folder), command)
+        return _check_wrong(text, told, surely, Path(folder), command)
 
 
-def _check_wrong(text, told, folder, command):
+def _check_wrong(text, told, surely, folder, command):
     path = folder / "case.toml"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     try:
@@ -122,6 +120,7 @@ def _check_wrong(text, told, folder, command):
     except InputError as error:
         refused = str(error)
     else:
+        assert not surely
         return False
     options = [folder / word if word.startswith("out") else word for word in COMMANDS[command]]
     ended = call(command, path, *options)
