@@ -8,7 +8,7 @@ import pytest
 
 from tests.processes import command, surroundings
 from triboflux.errors import InputError, TribofluxError
-from triboflux.files import locked
+from triboflux.files import locked, written_at_once
 
 HOLD = """
 import sys, time
@@ -89,3 +89,16 @@ def test_a_folder_that_vanishes_does_not_hide_what_happened(tmp_path):
         raise KeyError("first")
     with pytest.raises(TribofluxError, match="No such file"), locked(folder / "out.nc"):
         pass
+
+
+def test_what_a_killed_process_left_of_a_file_is_written_over(tmp_path):
+    with written_at_once(tmp_path / "out.nc", alone=True) as partial:
+        partial.write_text("half of it")
+        left = partial.read_bytes()
+        name = partial
+    name.write_bytes(left)
+    with written_at_once(tmp_path / "out.nc", overwrite=True, alone=True) as partial:
+        assert partial == name
+        partial.write_text("all of it")
+    assert os.listdir(tmp_path) == ["out.nc"]
+    assert (tmp_path / "out.nc").read_text() == "all of it"

@@ -77,7 +77,9 @@ def check_fields(case, result):
         assert np.isfinite(values.values).all(), name
     if case.kinetic is not None:
         # what is shown is averaged over ensembles, whose densities differ
-        assert result.stats["charge_drift"] <= 1e-12
+        # the drift is relative to the charges at first, which may grow outside the closures' range
+        peaks = result.dataset["peak_charge"].values
+        assert result.stats["charge_drift"] <= 1e-12 * max(1.0, peaks.max() / max(peaks[0], 1e-30))
     else:
         charge = result.dataset["charge"]
         means = charge.mean([name for name in charge.dims if name != "time"]).values

@@ -77,7 +77,7 @@ def require_writable(path: str | PathLike[str], *, overwrite: bool = False) -> N
 
 @contextmanager
 def written_at_once(
-    path: str | PathLike[str], *, overwrite: bool = False
+    path: str | PathLike[str], *, overwrite: bool = False, alone: bool = False
 ) -> Generator[Path, None, None]:
     """Give a temporary path whose file takes its final name only if all goes well.
 
@@ -87,6 +87,9 @@ def written_at_once(
         The file to write.
     overwrite : bool
         Replace an existing file.
+    alone : bool
+        No other process writes this file meanwhile. Then the temporary path is always the same, so
+        that what a killed process left there is written over.
 
     Yields
     ------
@@ -107,7 +110,8 @@ def written_at_once(
         return
     require_writable(target, overwrite=overwrite)
     # in the same folder, because only within a file system is a renaming atomic
-    partial = target.with_name(f".{uuid.uuid4().hex}{target.suffix[:20]}")
+    name = f"{target.name}.partial" if alone else uuid.uuid4().hex
+    partial = target.with_name(f".{name}{target.suffix[:20]}")
     _partial.add(partial)
     try:
         yield partial

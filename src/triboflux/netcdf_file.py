@@ -25,7 +25,7 @@ from triboflux.memory import available_memory
 
 _MAGIC = b"triboflux sealed"
 _DIGEST = 32
-_BLOCK = 2**22
+_BLOCK = 2**16
 
 _PATIENCE, _BYTES_PER_SECOND = 10.0, 2e6
 """Processor time that a file may take to be read, in seconds, and what larger ones get besides."""
@@ -40,13 +40,13 @@ _EXAMINE = (
 
 @contextmanager
 def sealed_at_once(
-    path: str | PathLike[str], *, overwrite: bool = False
+    path: str | PathLike[str], *, overwrite: bool = False, alone: bool = False
 ) -> Generator[Path, None, None]:
     """Give a temporary path for a NetCDF file that is sealed and takes its final name at the end.
 
     Parameters
     ----------
-    path, overwrite
+    path, overwrite, alone
         As for `triboflux.files.written_at_once`.
 
     Yields
@@ -61,7 +61,7 @@ def sealed_at_once(
     TribofluxError
         If writing fails; no file is left then.
     """
-    with written_at_once(path, overwrite=overwrite) as partial:
+    with written_at_once(path, overwrite=overwrite, alone=alone) as partial:
         yield partial
         with partial.open("r+b") as file:
             seal = _MAGIC + _digest(file, os.fstat(file.fileno()).st_size)

@@ -70,7 +70,8 @@ def write_result(
             last[:] = [part.dataset.isel(time=slice(-1, None))]
             yield part.dataset
 
-    with sealed_at_once(path, overwrite=overwrite) as partial:
+    # a run that is kept has locked its output
+    with sealed_at_once(path, overwrite=overwrite, alone=True) as partial:
         write_in_parts(partial, times, converted(), final_attributes)
     return Result(last[0].assign_attrs(final_attributes()))
 
