@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import boxes, first, ours, start_up, timing
+from benchmarks import boxes, faults, first, ours, start_up, timing
 from tests.cases import fake_result
 from triboflux.case import Case
 
@@ -127,5 +127,12 @@ def test_verdicts_name_the_factor():
 def test_the_page_has_the_sections_that_the_benchmarks_fill():
     text = timing.PAGE.read_text(encoding="utf-8")
     for name in (*first.PARTS, "boxes"):
+        assert f"<!-- begin {name} -->" in text
+        assert f"<!-- end {name} -->" in text
+
+
+def test_the_page_on_reliability_has_the_sections_that_faults_fill():
+    text = faults.PAGE.read_text(encoding="utf-8")
+    for name in faults.SECTIONS:
         assert f"<!-- begin {name} -->" in text
         assert f"<!-- end {name} -->" in text
