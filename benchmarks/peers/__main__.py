@@ -33,7 +33,7 @@ from benchmarks.peers.report import FIGURE, PAGE, draw, problem_section, reaches
 from benchmarks.timing import machine_facts, write_section
 
 SHORT = {"problems": ("A", "B"), "modules": ("with_triboflux", "with_scipy")}
-LIMIT, LIMIT_OF_BOXES = 0.5, 60.0
+LIMIT, LIMIT_OF_BOXES = 0.1, 20.0
 """CPU seconds of a run after which the search tries nothing costlier."""
 
 

@@ -102,7 +102,9 @@ def reaches(found: Mapping[str, list[Measured]]) -> str:
             rivals = [
                 m
                 for m in measured
-                if m.row.level == TARGET and m.row.fixed_step == fixed and m.row.solver != OURS
+                if m.row.level == TARGET
+                and m.row.fixed_step == fixed
+                and not m.row.solver.startswith(OURS)
             ]
             if mine is None or not rivals:
                 continue

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -20,44 +21,32 @@ from triboflux.numbers import Numbers
 from triboflux.resolution import coarsest_for, ladder
 
 
-class _Programs:
-    """The compiled steps of a run, made when they are first needed.
+@cache
+def _advancing(grid: Grid, finest: Grid) -> Any:
+    """Return the compiled integration on a grid until it becomes too coarse."""
 
-    Parameters
-    ----------
-    grids : tuple of Grid
-        On which the run can work, the last being that of the result.
-    """
+    @jax.jit
+    def run(model: Any, carry: Carry, settings: RunSettings) -> Outcome:
+        return advance(model, carry, grid, replace(settings, while_resolved=grid != finest))
 
-    def __init__(self, grids: tuple[Grid, ...]) -> None:
-        self._grids, self._compiled = grids, {}
+    return run
 
-    def advance(self, model: Any, carry: Carry, grid: Grid, settings: RunSettings) -> Outcome:
-        """Integrate on a grid until it becomes too coarse."""
 
-        def run(model: Any, carry: Carry, settings: RunSettings) -> Outcome:
-            asked = replace(settings, while_resolved=grid != self._grids[-1])
-            return advance(model, carry, grid, asked)
+@cache
+def _moving(grid: Grid, to: Grid) -> Any:
+    """Return the compiled change of the grid."""
+    return jax.jit(lambda model, carry: moved(model, carry, grid, to))
 
-        return self._run("advance", grid, run, model, carry, settings)
 
-    def moved(self, model: Any, carry: Carry, grid: Grid, to: Grid) -> Carry:
-        """Return a carry on another grid."""
-        return self._run("moved", grid, lambda m, c: moved(m, c, grid, to), model, carry)
+@cache
+def _charge(grid: Grid, finest: Grid) -> Any:
+    """Return the compiled charge on the points of the result."""
 
-    def charge(self, carry: Carry, grid: Grid) -> np.ndarray:
-        """Return the charge on the points of the result."""
+    @jax.jit
+    def values(carry: Carry) -> Any:
+        return finest.to_fields(grid.resized(carry.coefficients.charge, finest))
 
-        def values(carry: Carry) -> Any:
-            resized = grid.resized(carry.coefficients.charge, self._grids[-1])
-            return self._grids[-1].to_fields(resized)
-
-        return np.asarray(self._run("charge", grid, values, carry))
-
-    def _run(self, name: str, grid: Grid, function: Any, *arguments: Any) -> Any:
-        if (name, grid) not in self._compiled:
-            self._compiled[name, grid] = jax.jit(function).lower(*arguments).compile()
-        return self._compiled[name, grid](*arguments)
+    return values
 
 
 def prepare(problem: Mapping[str, Any], settings: Settings) -> Run:
@@ -79,26 +68,28 @@ def prepare(problem: Mapping[str, Any], settings: Settings) -> Run:
     initial = begin(traced[0], start, grid)
     coarsest = coarsest_for(initial.coefficients, grids, rtol, atol)
     carry = moved(traced[0], initial, grid, coarsest)
-    programs = _Programs(grids)
 
     def run() -> np.ndarray:
         here = coarsest
-        outcome = programs.advance(traced[0], carry, here, traced[1])
+        outcome = _advancing(here, grid)(traced[0], carry, traced[1])
         while bool(outcome.unresolved):
             finer = grids[grids.index(here) + 1]
-            onwards = programs.moved(traced[0], outcome.carry, here, finer)
-            outcome, here = programs.advance(traced[0], onwards, finer, traced[1]), finer
-        return programs.charge(outcome.carry, here)
+            onwards = _moving(here, finer)(traced[0], outcome.carry)
+            outcome, here = _advancing(finer, grid)(traced[0], onwards, traced[1]), finer
+        return np.asarray(_charge(here, grid)(outcome.carry))
 
     return run
 
 
-def series(problem: Mapping[str, Any]) -> list[list[Settings]]:
-    """Return tolerances and points; the defaults are rtol 1e-6, and 128 points by dimension one."""
-    kinds = {"adaptive": (True, False)}
+def series(adaptive: bool, problem: Mapping[str, Any]) -> list[list[Settings]]:
+    """Return tolerances and points; the defaults are rtol 1e-6, and 128 points in one dimension."""
+    kind = {"adaptive": (adaptive,)}
     if problem["points"]:
-        return ladders(problem, tolerances(6, 18), (1e-3,), **kinds)
-    return ladders(problem, tolerances(6, 20), (1e-3,), (32, 48, 128), **kinds)
+        return ladders(problem, tolerances(6, 18), (1e-3,), **kind)
+    return ladders(problem, tolerances(6, 20), (1e-3,), (32, 48, 128), **kind)
 
 
-SOLVERS = {"triboflux": Solver(series, prepare)}
+SOLVERS = {
+    "triboflux": Solver(partial(series, True), prepare),
+    "triboflux on all points": Solver(partial(series, False), prepare),
+}
