@@ -74,15 +74,15 @@ MUTATIONS = (
     Mutation(
         "the trace of a third-order moment has three directions",
         "models/coefficients",
-        "n_t = c.trace_dimensions(dimensions)",
+        "n_t = closure_set.trace_dimensions(dimensions)",
         "n_t = dimensions",
         "test_full_model_by_hand.py::test_fourier_right_hand_side",
     ),
     Mutation(
         "closures are the exact ones",
         "closures",
-        '"lambda_3.1", 72.0',
-        '"lambda_3.1", 71.9',
+        '"variance_regain": (72.0 * square',
+        '"variance_regain": (71.9 * square',
         "test_closures.py",
     ),
     Mutation(
@@ -123,8 +123,8 @@ MUTATIONS = (
     Mutation(
         "order in time on the slaved covariance",
         EXPONENTIAL,
-        "values = jax.vmap(part)(_states(functions, homogeneous, newest))",
-        "values = jax.vmap(part)(_states(functions, homogeneous, carry[0]))",
+        "values = term.at_nodes(part, _states(functions, homogeneous, newest))",
+        "values = term.at_nodes(part, _states(functions, homogeneous, carry))",
         "test_exponential.py::test_order_on_the_slaved_covariance",
     ),
     Mutation(
@@ -213,9 +213,9 @@ MUTATIONS = (
     ),
     Mutation(
         "the reference table",
-        "models/coefficients",
-        'destruction = c["covariance_collision"] * inverse_tau_c',
-        'destruction = 1.0001 * c["covariance_collision"] * inverse_tau_c',
+        "rates",
+        'destruction = c["covariance_collision"] * collision_rate + drag_rate',
+        'destruction = 1.0001 * c["covariance_collision"] * collision_rate + drag_rate',
         "test_reference_table.py::test_five_digits_at_a_tight_tolerance",
     ),
     Mutation(
@@ -250,8 +250,8 @@ MUTATIONS = (
     Mutation(
         "the error estimate scales with the sixth power of the step",
         EXPONENTIAL,
-        "differences = map(difference, history[:-1], history[1:])",
-        "differences = map(difference, history[1:-1], history[2:])",
+        "*map(difference, (-1, -2, -3))",
+        "*map(difference, (-2, -3, -3))",
         "test_exponential.py::test_error_estimate_scales_with_the_sixth_power_of_the_step",
     ),
     Mutation(
@@ -299,9 +299,16 @@ MUTATIONS = (
     Mutation(
         "gradients of the stop time, through the whole run",
         EXPONENTIAL,
-        "y1 = _first(_states(functions, states, history[0], end))",
-        "y1 = _first(_states(functions, states, lax.stop_gradient(history[0]), end))",
+        "y1 = _first(_states(functions, states, polynomials, end))",
+        "y1 = _first(_states(functions, states, lax.stop_gradient(polynomials), end))",
         "test_gradients.py::test_gradient_of_the_stop_time_against_central_differences",
+    ),
+    Mutation(
+        "a grid that has become too coarse is left",
+        "resolution",
+        "> (1.0 - SPECTRUM_END) * kept",
+        "> (2.0 - SPECTRUM_END) * kept",
+        "test_resolution.py::test_grids_grow_with_the_spectrum_and_change_less_than_the_tolerance",
     ),
 )
 
