@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.mutated_bytes import mutated
 from tests.sweeps import pretend, tables
 from triboflux import sweep_layout, sweep_runners
-from triboflux.errors import InputError
+from triboflux.errors import InputError, TribofluxError
 from triboflux.sweep import Sweep, sweep
 from triboflux.sweep_store import readable
 
@@ -110,3 +110,15 @@ def test_stores_of_before_the_checksum_go_on(whole, tmp_path, monkeypatch):
         before.setattr(sweep_runners, "on_processes", lambda *_: (_ for _ in ()))
         sweep(MEMBERS, tmp_path / "s.zarr").close()
     xr.testing.assert_equal(opened(tmp_path / "s.zarr"), whole[1])
+
+
+def test_a_store_that_vanishes_is_told(tmp_path, monkeypatch):
+    def compute(work, count):
+        for index, text in work:
+            yield index, json.loads(pretend(text))
+        (tmp_path / "s.zarr").rename(tmp_path / "moved.zarr")
+
+    monkeypatch.setattr(sweep_runners, "on_processes", compute)
+    with pytest.raises(TribofluxError, match=r"^store '.*s\.zarr' can't be read: ") as told:
+        sweep(MEMBERS, tmp_path / "s.zarr")
+    assert str(told.value).isprintable()

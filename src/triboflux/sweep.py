@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from triboflux.case import Case
 from triboflux.case_text import case_table, read_case_file
-from triboflux.errors import InputError, shown
+from triboflux.errors import InputError, shown, shown_path
 from triboflux.sweep_values import MOST_MEMBERS, ValueRange, flattened, plain, put
 from triboflux.validation import InputModel, Text, one_of
 
@@ -288,7 +288,7 @@ def sweep(
         task,
         usable_cores,
     )
-    from triboflux.sweep_store import SweepStore
+    from triboflux.sweep_store import SweepStore, readable
 
     require_runner(workers, scheduler)
     with ExitStack() as stack:
@@ -305,4 +305,5 @@ def sweep(
             held.flush(patiently=True)
             if on_progress is not None:
                 on_progress(SweepProgress(held.done, members.size, held.not_ok))
-    return xr.open_zarr(Path(store))  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
+    with readable(f"store {shown_path(store)}"):
+        return xr.open_zarr(Path(store))  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray

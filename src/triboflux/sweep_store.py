@@ -303,11 +303,16 @@ def readable(name: str) -> Generator[None, None, None]:
     ------
     InputError
         If what is done within fails in another way than ours or the file system's.
+    TribofluxError
+        If the file system refuses, or the store has vanished.
     """
     try:
         yield
-    except (TribofluxError, OSError):
+    except TribofluxError:
         raise
+    except OSError as error:
+        reason = shown(error.strerror or str(error), 120)[1:-1].rstrip(".")
+        raise TribofluxError(f"{name} can't be read: {reason}.") from error
     except Exception as error:  # of many kinds, from Zarr and its codecs
         reason = shown(str(error).partition("\n")[0], 120)[1:-1].rstrip(".")
         raise InputError(
