@@ -85,9 +85,11 @@ ensembles = 2
 # Runs on a small disk until it is full, then with more room, then on one that is read-only.
 ON_A_DISK = """
 cp {kept}/*.toml .
-"$@" {eager} 2>{kept}/first; echo $? >{kept}/code
+touch {kept}/first {kept}/second {kept}/third
+"$@" {eager} 2>{kept}/first; code=$?
+echo $code >{kept}/code
 mount -o remount,size=32m .
-"$@" {resume} 2>{kept}/second || exit 11
+[ $code = 0 ] || "$@" {resume} 2>{kept}/second || exit 11
 cp -r {out} {kept}/
 mount -o remount,ro .
 "$@" {again} 2>{kept}/third && exit 12
