@@ -190,6 +190,69 @@ def test_gamma_and_beta_follow_from_the_numbers():
     assert Parameters.of(small_case({"dilute": True})).diameter == 0.0
 
 
+SI_CASE = """
+[suspension]
+diameter = "1 mm"
+density = "935 kg/m^3"
+youngs_modulus = "1 GPa"
+poisson_ratio = 0.46
+restitution = 0.8
+solid_fraction = 0.05
+granular_temperature = "1e-2 m^2/s^2"
+domain_length = "5 cm"
+charge_scale = "0.1 uC/kg"
+radial_distribution = "lun-savage"
+maximum_packing = 0.63
+drag = "gidaspow"
+[grid]
+points = [16]
+lengths = ["5 cm"]
+[initial]
+charge = [{ mode = [1], sine = "-0.1 uC/kg" }]
+[run]
+t_end = "20 ms"
+outputs = ["0 s", "20 ms"]
+[kinetic]
+particles = 4000
+ensembles = 4
+time_step = "2 ms"
+"""
+
+
+def test_a_suspension_gives_moments_and_errors_in_si(tmp_path):
+    case = tbf.Case.from_toml_text(SI_CASE)
+    # L/√Θ is half a second
+    assert Parameters.of(case).time_step == pytest.approx(4e-3)
+    assert Parameters.of(case).diameter == pytest.approx(0.02)
+    tbf.simulate_to_file(case, tmp_path / "out.nc", units="si")
+    found = tbf.load(tmp_path / "out.nc")
+    scaled = tbf.simulate(case)
+    assert (found.units, scaled.units) == ("si", "scaled")
+    assert found.stats["steps"] == 10
+    np.testing.assert_allclose(found.dataset["time"], [0.0, 0.02], rtol=1e-14)
+    mass = 935.0 * math.pi / 6.0 * 1e-9
+    factors = {
+        "charge": (1e-7 * mass, "C"),
+        "covariance": (1e-8 * mass, "C m s-1"),
+        "variance": (1e-14 * mass**2, "C2"),
+        "number_density": (0.05 * 6.0 / math.pi * 1e9, "m-3"),
+        "mean_velocity": (0.1, "m s-1"),
+        "granular_temperature": (0.01, "m2 s-2"),
+        "variance_flux": (1e-15 * mass**2, "C2 m s-1"),
+    }
+    for name, (factor, units) in factors.items():
+        for key in (name, f"{name}_standard_error"):
+            ours, theirs = found.dataset[key], scaled.dataset[key]
+            assert ours.attrs["units"] == units
+            np.testing.assert_allclose(ours.values, factor * theirs.values, rtol=1e-13)
+            assert bool((ours[-1] > 0.0).all()) or not key.endswith("_error")
+
+
+def test_a_time_step_with_a_unit_needs_a_suspension():
+    with pytest.raises(InputError, match=r"kinetic\.time_step is '1 ms', but must be a number in"):
+        small_case({"time_step": "1 ms"})
+
+
 @pytest.mark.parametrize("outputs", [[0.1], [0.0, 0.1]])
 def test_particles_that_diverge_leave_the_states_before(tmp_path, outputs):
     """Each collision multiplies charges by 10⁸, and the output to come lies after the overflow."""

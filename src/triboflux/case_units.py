@@ -116,7 +116,7 @@ def _replace_texts(case: dict[str, Any], convert: Callable[[str, str, str], floa
             continue
         values = case[table] = dict(cast("Mapping[str, Any]", content))
         value, field = values[key], f"{table}.{key}"
-        if isinstance(value, str) and table == "run" and key not in _LISTS:
+        if isinstance(value, str) and table in ("run", "kinetic") and key not in _LISTS:
             values[key] = convert(value, scale, field)
         elif isinstance(value, list | tuple):
             entries = cast("Sequence[Any]", value)

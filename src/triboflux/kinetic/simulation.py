@@ -67,7 +67,7 @@ def simulate(
         ``mean_velocity``, ``granular_temperature``, ``granular_temperature_xx``,
         ``covariance_flux_xx``, ``covariance_flux_trace`` and ``variance_flux``, averaged over the
         cells around the grid points, each with a standard error. ``stats`` tells the time at which
-        the peak charge fell to the value of the stop rule, with its standard error.
+        the peak charge fell to the value of the stop rule, with its standard error, in L/√Θ.
 
     Raises
     ------
