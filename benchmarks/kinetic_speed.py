@@ -2,7 +2,7 @@
 
 Run from the root of the repository; nothing is written without ``--write``::
 
-    python -m benchmarks.kinetic_speed --write    # a minute or two, fills docs/kinetic.md
+    python -m benchmarks.kinetic_speed --write    # some minutes, fills docs/kinetic.md
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from triboflux.kinetic.ensemble import Ensemble, Parameters
 PAGE = ROOT / "docs" / "kinetic.md"
 REACH = 1e7
 """Collisions per second on two cores that are wanted."""
-ROUNDS = 5
+ROUNDS = 11
 EXCHANGE = {"charge_transfer": 0.1, "field_transfer": 0.01}
 BOXES = {
     "dilute, 100 per cell": (replace(DILUTE, cells=1000, **EXCHANGE), 100_000),
@@ -37,6 +37,13 @@ BOXES = {
     ),
     "dense, 650 per cell": (replace(DENSE, diameter=1 / 192, cells=1536, **EXCHANGE), 1_000_000),
 }
+LEFT_OUT: dict[str, dict[str, float]] = {
+    "nothing": {},
+    "exchange of charge": {"charge_transfer": 0.0, "field_transfer": 0.0},
+    "the diameter": {"diameter": 0.0},
+}
+"""What is left out to see what it costs; without a diameter partners come from the own cell."""
+DISSECTED = ("dense, 65 per cell", "dense, 650 per cell, short")
 MEMORY = """
 import json, resource, sys
 from triboflux.kinetic.ensemble import Ensemble, Parameters
@@ -131,6 +138,13 @@ def rows() -> Iterator[list[str]]:
         yield [name, f"{number:,}", *costs, f"{ideal / 1e6:.1f}", wanted, f"{found.rate / 1e6:.1f}"]
 
 
+def parts() -> Iterator[list[str]]:
+    """Return the rows of the table of what a collision costs without one thing or another."""
+    for name, changes in LEFT_OUT.items():
+        found = [speed(replace(BOXES[box][0], **changes), BOXES[box][1]) for box in DISSECTED]
+        yield [name, *(f"{one.collision:.0f}" for one in found)]
+
+
 def section() -> str:
     """Return the text of the page."""
     header = ["box", "particles", "ns per collision", "ns per particle and step"]
@@ -150,6 +164,10 @@ def section() -> str:
             "of the fifth column; the last one is what the wall clock showed.",
             "",
             table(header, rows()),
+            "",
+            "Nanoseconds of a collision, when something is left out:",
+            "",
+            table(["left out", *DISSECTED], parts()),
             "",
             f"{number:,} particles take {memory(number):.0f} bytes each at the peak, from start to "
             "moments.",

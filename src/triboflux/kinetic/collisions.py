@@ -108,15 +108,14 @@ def _most(start: Any, reach: int) -> Any:
         return count
     # a block is no narrower than the reach, so all that is in reach is in three of them
     blocks = max(1, cells // reach)
+    first = (np.arange(blocks + 1) * cells + blocks - 1) // blocks
     of_block = np.zeros(blocks, np.int64)
-    for cell in range(cells):
-        block = cell * blocks // cells
-        of_block[block] = max(of_block[block], count[cell])
+    for block in range(blocks):
+        of_block[block] = np.max(count[first[block] : first[block + 1]])
     most = np.empty_like(count)
-    for cell in range(cells):
-        block = cell * blocks // cells
+    for block in range(blocks):
         around = max(of_block[block - 1], of_block[(block + 1) % blocks])
-        most[cell] = max(of_block[block], around)
+        most[first[block] : first[block + 1]] = max(of_block[block], around)
     return most
 
 
