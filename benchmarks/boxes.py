@@ -38,6 +38,7 @@ t_end = 0.3
 outputs = {outputs}
 rtol = {rtol}
 atol = {atol}
+adaptive_points = {adaptive}
 """
 # Waves along each dimension, sine and cosine amplitudes.
 MODES: dict[int, tuple[tuple[tuple[int, ...], float, float], ...]] = {
@@ -60,11 +61,12 @@ COARSE, FINE = 1e-6, 1e-9
 
 
 class Box(NamedTuple):
-    """One run: points per dimension, tolerance, outputs."""
+    """One run: points per dimension, tolerance, outputs, and whether it adapts its points."""
 
     points: tuple[int, ...]
     rtol: float = COARSE
     outputs: int = OUTPUTS
+    adaptive: bool = False
 
 
 class Plan(NamedTuple):
@@ -90,7 +92,13 @@ FULL = Plan(
     {2: Box((12, 12)), 3: Box((12, 12, 12))},
     {2: Box((128, 128)), 3: Box((48, 48, 48))},
     {2: Box((256, 256)), 3: Box((64, 64, 64))},
-    (Box((32, 32, 32)), Box((256, 256), outputs=40), Box((64, 64, 64), outputs=40)),
+    (
+        Box((32, 32, 32)),
+        Box((256, 256), outputs=40),
+        Box((64, 64, 64), outputs=40),
+        Box((256, 256), adaptive=True),
+        Box((64, 64, 64), adaptive=True),
+    ),
 )
 SHORT = Plan({2: Box((12, 12))}, {2: Box((32, 32))}, {2: Box((48, 48))}, ())
 
@@ -129,6 +137,7 @@ def case_text(box: Box) -> str:
         outputs=box.outputs,
         rtol=box.rtol,
         atol=1e-3 * box.rtol,
+        adaptive=str(box.adaptive).lower(),
     )
 
 
@@ -142,7 +151,7 @@ def run(box: Box, folder: Path) -> Ran:
     folder : Path
         Where case and result are kept.
     """
-    name = f"{'x'.join(map(str, box.points))}-{box.rtol:.0e}-{box.outputs}"
+    name = f"{'x'.join(map(str, box.points))}-{box.rtol:.0e}-{box.outputs}-{box.adaptive}"
     (folder / f"{name}.toml").write_text(case_text(box), encoding="utf-8")
     arguments = ["-m", "triboflux", "run", f"{name}.toml", "-o", f"{name}.nc", "--overwrite"]
     done = child(arguments, folder, TRIBOFLUX_CACHE_DIR="off")
@@ -230,6 +239,7 @@ def runs_table(runs: Iterable[Ran], bare: dict[int, Ran]) -> str:
         rows.append(
             [
                 " × ".join(map(str, ran.box.points)),
+                " × ".join(map(str, result.stats["points"])),
                 f"{ran.box.rtol:.0e}",
                 f"{ran.box.outputs}",
                 f"{result.stats['accepted']} + {result.stats['rejected']}",
@@ -238,11 +248,12 @@ def runs_table(runs: Iterable[Ran], bare: dict[int, Ran]) -> str:
                 f"{ran.cpu:.1f}",
                 f"{ran.memory / 1e6:,.0f}",
                 f"{own / size:,.0f}",
-                f"{memory_estimate(result.case) / size:,.0f}",
+                f"{memory_estimate(result.case, streamed=True) / size:,.0f}",
                 f"{charge_drift(ran):.0e}",
             ]
         )
-    header = ["points", "rtol", "outputs", "steps", "solve, s", "process, s", "CPU, s", "peak, MB"]
+    header = ["points", "worked on", "rtol", "outputs", "steps", "solve, s", "process, s"]
+    header += ["CPU, s", "peak, MB"]
     header += ["bytes a point above a tiny run", "estimated", "drift of total charge"]
     return table(header, rows)
 
