@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from triboflux.result import Result, build_dataset
+from triboflux.dataset import build_dataset
+from triboflux.result import Result
 
 NUMBERS = {
     "peclet": 1e6,

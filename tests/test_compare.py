@@ -26,9 +26,10 @@ from triboflux.case import MODELS_WITH_VARIANCE, Case
 from triboflux.compare import DEFAULT_MODELS, compare, require_models
 from triboflux.compare_figure import LINES, REFERENCE, compare_figure, section
 from triboflux.comparison import FIELDS, relative_errors
+from triboflux.dataset import build_dataset
 from triboflux.errors import InputError, OutOfRangeError, TribofluxError
 from triboflux.figures import paper_case
-from triboflux.result import Result, build_dataset
+from triboflux.result import Result
 from triboflux.scales import Scales
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -38,7 +38,8 @@ def test_the_dataset_is_that_of_a_model_with_errors_and_more(tmp_path):
     assert set(theirs.variables) <= set(ours.variables)
     for name in theirs.data_vars:
         assert ours[name].dims == theirs[name].dims
-        assert ours[name].attrs == theirs[name].attrs
+        error = {"ancillary_variables": f"{name}_standard_error"}
+        assert ours[name].attrs == theirs[name].attrs | error
     for name in ("charge", "covariance", "variance", "granular_temperature", "variance_flux"):
         error = ours[f"{name}_standard_error"]
         assert error.dims == ours[name].dims

@@ -17,7 +17,7 @@ from triboflux.result import load
 
 TIMES = [0.0, 1e-3, 0.05, 0.1, 0.15, 0.18, 0.19, 0.5]
 # what tells when and how long, instead of what
-PASSING = ("created", "stats_json")
+PASSING = ("created", "history", "stats_json")
 
 
 def case(**changes):

@@ -13,11 +13,12 @@ from tests.paper_runs import changed, paper_run
 from tests.test_result_units import POWDER
 from triboflux import closures, models
 from triboflux.case import Case
+from triboflux.dataset import build_dataset
 from triboflux.diagnostics import budget, model_of, unused_initial_warnings
 from triboflux.errors import InputError, OutOfRangeError
 from triboflux.initial_state import initial_fields
 from triboflux.numbers import Numbers
-from triboflux.result import Result, build_dataset
+from triboflux.result import Result
 from triboflux.scales import Scales
 
 EVOLVED = {

@@ -12,10 +12,12 @@ import xarray as xr
 
 from tests.cases import data, fake_result
 from triboflux.case import Case
+from triboflux.dataset import FORMAT_VERSION, versions
 from triboflux.errors import InputError, TribofluxError
 from triboflux.files import discard_partial_files, written_at_once
 from triboflux.initial_state import initial_fields
-from triboflux.result import FORMAT_VERSION, Result, load, versions
+from triboflux.kinetic.dataset import dataset_of
+from triboflux.result import Result, load
 
 VARIABLES = {
     "charge": ("time", "x", "y"),
@@ -103,6 +105,40 @@ def test_plain_netcdf4_and_other_programs_can_read_it(result, tmp_path):
             assert "_FillValue" not in variable.ncattrs()
     with xr.open_dataset(tmp_path / "out.nc") as dataset:
         xr.testing.assert_equal(dataset.load(), result.dataset)
+
+
+def test_attributes_follow_the_cf_conventions(result, tmp_path):
+    result.to_netcdf(tmp_path / "out.nc")
+    with xr.open_dataset(tmp_path / "out.nc") as dataset:
+        assert dataset.attrs["Conventions"] == "CF-1.11"
+        assert dataset.attrs["source"] == "full model, derived closures"
+        assert dataset.attrs["history"].startswith(dataset.attrs["created"])
+        assert "Montilla" in dataset.attrs["references"]
+        # a coordinate variable has its dimension's name and strictly rises
+        for name in ("time", "x", "y"):
+            assert dataset[name].dims == (name,)
+            assert (np.diff(dataset[name]) > 0).all()
+
+
+def test_a_standard_error_is_named_by_its_variable_in_any_units(tmp_path):
+    powder = {"preset": "glass-beads", "granular_temperature": 1e-3, "charge_scale": 1e-12}
+    fields = data(suspension=powder, initial={})
+    del fields["numbers"]
+    case = Case(**fields)
+    model = fake_result(case).dataset
+    names = ("charge", "covariance", "variance", "field", "potential")
+    records = {name: model[name].values.reshape(3, -1) for name in names}
+    records |= {f"{name}_standard_error": abs(values) for name, values in records.items()}
+    records["peak_charge"] = model["peak_charge"].values
+    told = {"status": "ok", "stop_reason": "", "stats": {}, "attributes": {"method": "kinetic"}}
+    result = Result(dataset_of(case, model["time"], records, **told))
+    assert result.dataset.attrs["source"] == "simulation of charged particles"
+    result.to_si().to_netcdf(tmp_path / "out.nc")
+    for found in (result, load(tmp_path / "out.nc"), result.to_si().to_scaled()):
+        assert "ancillary_variables" not in found.dataset["peak_charge"].attrs
+        for name in names:
+            error = found.dataset[name].attrs["ancillary_variables"]
+            assert found.dataset[error].attrs["units"] == found.dataset[name].attrs["units"]
 
 
 def test_not_a_number_survives_a_file(result, tmp_path):

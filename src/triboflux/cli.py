@@ -66,7 +66,7 @@ def about(
     if verbose:
         import jax
 
-        from triboflux.result import versions
+        from triboflux.dataset import versions
 
         for package, number in versions().items():
             if package != "triboflux":

@@ -184,7 +184,7 @@ class Comparison:
         """
         import xarray as xr
 
-        from triboflux.result import versions
+        from triboflux.dataset import versions
 
         models = [row.model for row in self.rows]
         reference = self.states[self.reference].dataset.isel(time=-1)

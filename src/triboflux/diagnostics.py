@@ -129,9 +129,9 @@ def initial_closure(case: Case) -> xr.Dataset:
     OutOfRangeError
         If the numbers are outside the range of validity of the closures.
     """
+    from triboflux.dataset import build_dataset
     from triboflux.initial_state import initial_fields
     from triboflux.integrate import begin
-    from triboflux.result import build_dataset
 
     if case.model != "algebraic":
         raise InputError.about(

@@ -61,6 +61,9 @@ _VECTORS = ("covariance", "field", "mean_velocity", "variance_flux")
 STANDARD_ERROR = "_standard_error"
 """Ends the name of a variable's standard error over ensembles of particles."""
 
+ANCILLARY = "ancillary_variables"
+"""Attribute of a variable that names its standard error, as in the CF conventions."""
+
 
 def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
     """Return the dimension names of a dataset variable.

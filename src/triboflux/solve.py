@@ -14,13 +14,14 @@ import numpy as np
 from triboflux import case_checks, closures, diagnostics, models
 from triboflux.breaches import RealizabilityWatch
 from triboflux.calculus import FourierCalculus
+from triboflux.dataset import build_dataset, stats_and_warnings
 from triboflux.files import require_writable
 from triboflux.grid import Grid
 from triboflux.keeping import Keeper
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
 from triboflux.progress import Progress
-from triboflux.result import Result, build_dataset, stats_and_warnings
+from triboflux.result import Result
 from triboflux.running import run_in_memory, run_to_file
 from triboflux.segments import Segments
 from triboflux.sweep_member import decisive_versions

@@ -326,7 +326,7 @@ def _dataset(grid: Sweep, points: Sequence[_Point], case: Case, reduced: str) ->
     """Label the map."""
     import xarray as xr
 
-    from triboflux.result import versions  # imports xarray
+    from triboflux.dataset import versions  # imports xarray
 
     names = coordinate_names(tuple(grid.parameters))
     dimensions = tuple(names.values())

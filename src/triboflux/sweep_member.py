@@ -41,7 +41,7 @@ ONE_THREAD = {
 @functools.cache
 def decisive_versions() -> dict[str, str]:
     """Return the versions that two processes must share to compute the same digits."""
-    from triboflux.result import versions
+    from triboflux.dataset import versions
 
     return {name: number for name, number in versions().items() if name in _DECISIVE}
 

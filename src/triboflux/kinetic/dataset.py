@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from triboflux.fields import dimensions_of, labels_of
-from triboflux.result import build_dataset
+from triboflux.dataset import build_dataset
+from triboflux.fields import ANCILLARY, STANDARD_ERROR, dimensions_of, labels_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,4 +55,7 @@ def dataset_of(
         for name, values in shaped.items()
         if name not in names
     }
-    return dataset.assign(more)
+    whole = dataset.assign(more)
+    for name in (name for name in records if f"{name}{STANDARD_ERROR}" in records):
+        whole[name].attrs[ANCILLARY] = f"{name}{STANDARD_ERROR}"
+    return whole

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from triboflux import case_checks
+from triboflux.dataset import stats_and_warnings
 from triboflux.errors import InputError
 from triboflux.files import require_writable
 from triboflux.keeping import Keeper
 from triboflux.kinetic.dataset import dataset_of
 from triboflux.kinetic.segments import ParticleSegments
 from triboflux.memory import require_memory_for_particles
-from triboflux.result import Result, stats_and_warnings
+from triboflux.result import Result
 from triboflux.running import run_in_memory, run_to_file
 
 if TYPE_CHECKING:
