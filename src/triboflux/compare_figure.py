@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.comparison import FIELDS, VECTORS
 from triboflux.figures import style
-from triboflux.figures.profiles import PANELS
+from triboflux.figures.profiles import IMPOSSIBLE_VECTOR, PANELS, SI_LABELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,13 +33,6 @@ LINES: dict[str, dict[str, Any]] = {
 REFERENCE: dict[str, Any] = {"color": style.SKY, "linestyle": "-", "linewidth": 3.2}
 """Wide, light and below the others, so that a curve that coincides with it is seen."""
 
-_SI_LABELS = {
-    "charge": r"$Q_p$ (C)",
-    "field": "$E$ (V/m)",
-    "covariance": r"$\langle c'_p\xi'_p\rangle$ (C m/s)",
-    "variance": r"$\langle\xi'_p\xi'_p\rangle$ (C$^2$)",
-}
-_IMPOSSIBLE = r"$|\langle c_p\xi_p\rangle|^2 > \Theta_p\langle\xi_p\xi_p\rangle$"
 _LARGER = 1.0 + 1e-6
 
 
@@ -125,7 +117,7 @@ def compare_figure(comparison: Comparison) -> Figure:
                     label="initial charge",
                 )
             _draw_models(ax, name, states, comparison, line, length)
-            label = panel.label if comparison.units == "scaled" else _SI_LABELS[name]
+            label = panel.label if comparison.units == "scaled" else SI_LABELS[name]
             title = panel.title
             if name in VECTORS and case.grid.dimensions > 1:
                 # the whole words would not leave room for a power of ten
@@ -140,12 +132,6 @@ def compare_figure(comparison: Comparison) -> Figure:
         figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
         figure.suptitle(_caption(comparison, states, line))
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the same figure gives the same file."""
-    undated = {"CreationDate": None} if path.suffix == ".pdf" else None
-    figure.savefig(path, dpi=style.DOTS_PER_INCH, metadata=undated)
 
 
 def _draw_models(
@@ -176,8 +162,8 @@ def _caption(comparison: Comparison, states: dict[str, Dataset], line: Section) 
     moment = _moment(comparison.time, comparison)
     numbers = case.numbers
     lines = [
-        f"{case.closures.capitalize()} closures, Pe = {_shown(numbers.peclet)}, "
-        f"$\\tau_c^*$ = {_shown(numbers.tau_c)}",
+        f"{case.closures.capitalize()} closures, Pe = {style.shown_number(numbers.peclet)}, "
+        f"$\\tau_c^*$ = {style.shown_number(numbers.tau_c)}",
         f"All models at {moment}, where the {comparison.reference} one ended: {reference.reason}"
         + (" (scaled)" if si else ""),
     ]
@@ -193,7 +179,7 @@ def _caption(comparison: Comparison, states: dict[str, Dataset], line: Section) 
     }
     told = [f"{share:.0%} of the box ({name})" for name, share in shares.items() if share >= 0.005]
     if told:
-        lines.append(f"Not realizable, {_IMPOSSIBLE}, in {' and '.join(told)}")
+        lines.append(f"Not realizable, {IMPOSSIBLE_VECTOR}, in {' and '.join(told)}")
     absent = [
         f"{row.model} ({'failed after its own end' if row.status == 'ok' else row.status})"
         for row in comparison.rows
@@ -220,10 +206,3 @@ def _place(comparison: Comparison, line: Section) -> str:
 def _moment(time: float, comparison: Comparison) -> str:
     shown = style.shown_time(time)
     return f"$t$ = {shown} s" if comparison.units == "si" else f"$t^*$ = {shown}"
-
-
-def _shown(value: float) -> str:
-    """Return a number with four digits, as a power of ten where that is shorter."""
-    text = style.power_of_ten(float(f"{value:.4g}"))
-    mantissa, exponential, exponent = text.partition("e")
-    return f"${mantissa}\\times 10^{{{int(exponent)}}}$" if exponential else text

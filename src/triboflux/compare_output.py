@@ -194,7 +194,8 @@ def write_files(comparison: Comparison, paths: Sequence[Path], *, overwrite: boo
     TribofluxError
         If writing fails.
     """
-    from triboflux.compare_figure import compare_figure, save
+    from triboflux.compare_figure import compare_figure
+    from triboflux.figures.style import save
 
     figure = compare_figure(comparison)
     folder = paths[0].parent

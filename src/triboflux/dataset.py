@@ -119,7 +119,7 @@ def build_dataset(
         coords=_coordinates(case, times),
         attrs={
             "Conventions": CONVENTIONS,
-            "source": _source(case, attributes or {}),
+            "source": source_of(case, attributes or {}),
             "history": f"{now} written by triboflux {triboflux.__version__}",
             "references": _PAPER,
             **(attributes or {}),
@@ -136,8 +136,16 @@ def build_dataset(
     )
 
 
-def _source(case: Case, attributes: Mapping[str, object]) -> str:
-    """Return how the data were made, in words."""
+def source_of(case: Case, attributes: Mapping[Any, object]) -> str:
+    """Return how data were made, in words.
+
+    Parameters
+    ----------
+    case : Case
+        What was run or simulated.
+    attributes : mapping
+        Of the dataset; ``method`` tells simulated particles.
+    """
     if attributes.get("method") == "kinetic":
         return "simulation of charged particles"
     return f"{case.model} model, {case.closures} closures"

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import operator
+from typing import TYPE_CHECKING
+
 from triboflux.case_checks import DIMENSION_NAMES
+from triboflux.errors import InputError, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MODEL_FIELDS = {
     "time": ("time", "L / sqrt(Theta)", "time", "s"),
@@ -101,3 +108,57 @@ def labels_of(name: str, *, si: bool = False) -> dict[str, str]:
     if of != name:
         long_name = f"standard error of the {long_name}, over ensembles"
     return {"long_name": long_name} | ({"units": unit} if si else {"units": "1", "scale": scale})
+
+
+def unit_of(name: str, *, si: bool) -> str:
+    """Return what the values of a variable are multiples of.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``covariance``, or with the ending of a standard error.
+    si : bool
+        Whether its values are in SI; otherwise the unit is its scale, such as ``Q0``.
+    """
+    _, scale, _, unit = FIELDS[name.removesuffix(STANDARD_ERROR)]
+    return unit if si else scale
+
+
+def known_variables(dataset: xr.Dataset) -> list[str]:
+    """Return the variables of a dataset that are named and shaped as here, in its order.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of a result; whatever else was added to it is left out.
+    """
+    dimensions = sum(name in dataset.dims for name in DIMENSION_NAMES)
+    names = [str(name) for name in dataset.data_vars]
+    names = [name for name in names if name.removesuffix(STANDARD_ERROR) in FIELDS]
+    return [name for name in names if dataset[name].dims == dimensions_of(name, dimensions)]
+
+
+def output_index(dataset: xr.Dataset, time: int) -> int:
+    """Return the index of an output time, counted from the beginning.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        Of a result.
+    time : int
+        As for a sequence: negative from the end.
+
+    Raises
+    ------
+    InputError
+        If there is no such output.
+    """
+    count = dataset.sizes["time"]
+    try:
+        index = operator.index(time)
+    except TypeError:
+        index = count
+    if not -count <= index < count:
+        allowed = f"must be a whole number from {-count} to {count - 1}"
+        raise InputError.about("time", f"is {shown(time)}, but {allowed}")
+    return index % count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import tempfile
 import uuid
@@ -198,6 +199,93 @@ def _remove(folder: Path) -> None:
         shutil.rmtree(folder, ignore_errors=True)
         if not folder.exists():
             return
+
+
+@contextmanager
+def folder_written_at_once(
+    path: str | PathLike[str], *, pattern: re.Pattern[str], overwrite: bool = False
+) -> Generator[Path, None, None]:
+    """Give an empty temporary folder that takes its final name only if all goes well.
+
+    Parameters
+    ----------
+    path : path-like
+        The folder to write.
+    pattern : re.Pattern
+        Names of the files that it will hold.
+    overwrite : bool
+        Replace an existing folder that holds only files with such names.
+
+    Yields
+    ------
+    pathlib.Path
+        Where to write files meanwhile.
+
+    Raises
+    ------
+    InputError
+        If the folder can't be made, or exists and is not to be replaced.
+    TribofluxError
+        If writing fails; nothing is left then.
+    """
+    target = Path(path)
+    require_writable_folder(target, pattern=pattern, overwrite=overwrite)
+    partial, previous = (target.with_name(f".{uuid.uuid4().hex}") for _ in range(2))
+    _temporary.update((partial, previous))
+    try:
+        partial.mkdir()
+        yield partial
+        for file in partial.iterdir():
+            _synchronise(file, os.O_RDWR)
+        require_writable_folder(target, pattern=pattern, overwrite=overwrite)
+        if target.exists():
+            os.replace(target, previous)
+        os.replace(partial, target)
+    except OSError as error:
+        told = shown(str(error).replace(str(partial), str(target)), 200)[1:-1]
+        raise TribofluxError(f"output {shown_path(target)} can't be written: {told}.") from error
+    finally:
+        for folder in (partial, previous):
+            _remove(folder)
+            _temporary.discard(folder)
+
+
+def require_writable_folder(
+    path: str | PathLike[str], *, pattern: re.Pattern[str], overwrite: bool = False
+) -> None:
+    """Refuse a path that can't become an output folder of files with certain names.
+
+    Parameters
+    ----------
+    path : path-like
+        The folder to write.
+    pattern : re.Pattern
+        Names of its files; a folder that holds something else is never replaced.
+    overwrite : bool
+        Accept an existing folder.
+
+    Raises
+    ------
+    InputError
+        Says what is in the way.
+    """
+    target = Path(path)
+    require_folder(target.parent)
+    if not (target.exists() or target.is_symlink()):
+        return
+    if target.is_symlink() or not target.is_dir():
+        raise InputError(f"output {shown_path(target)} is no folder, but must become one.")
+    foreign = [file.name for file in target.iterdir() if not pattern.fullmatch(file.name)]
+    if foreign:
+        raise InputError(
+            f"output folder {shown_path(target)} holds {shown(min(foreign))}, which is no output, "
+            "and is never replaced."
+        )
+    if not overwrite:
+        raise InputError(
+            f"output folder {shown_path(target)} exists and is replaced only with --overwrite "
+            "(overwrite=True in Python)."
+        )
 
 
 def mark_partial(path: Path) -> None:

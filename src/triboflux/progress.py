@@ -34,6 +34,25 @@ class Progress:
     fraction: float
 
 
+@dataclass(frozen=True)
+class OutputProgress:
+    """How many output times of a result are written.
+
+    Attributes
+    ----------
+    done, total : int
+        Those that are, and all of them.
+    """
+
+    done: int
+    total: int
+
+    @property
+    def fraction(self) -> float:
+        """Part of them that is written, from 0 to 1."""
+        return self.done / self.total
+
+
 def fraction_done(run: Run, time: float, peak: float, initial_peak: float) -> float:
     """Estimate how much of a run is done, by time or by the decay of the charge.
 

@@ -6,7 +6,8 @@ import json
 import os
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
@@ -26,6 +27,9 @@ from triboflux.fields import (
 from triboflux.memory import available_memory
 from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.scales import Scales
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _TEXTS = ("case_toml", "status", "stop_reason", "stats_json", "warnings_json", "versions_json")
 
@@ -144,6 +148,79 @@ class Result:
             self.dataset.to_netcdf(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
                 partial, engine="netcdf4", encoding=encoding
             )
+
+    def to_vtk(
+        self, path: str | PathLike[str], time: int | None = None, *, overwrite: bool = False
+    ) -> None:
+        """Write the result for ParaView, PyVista and other programs that read VTK's files.
+
+        Parameters
+        ----------
+        path : path-like
+            With ``.vti`` one output time; with ``.pvd`` all of them, as images in a folder beside
+            it: ``out.pvd`` and ``out_vti``.
+        time : int, optional
+            Index of the output for ``.vti``, the last by default.
+        overwrite : bool
+            Replace an existing file and folder.
+
+        Raises
+        ------
+        InputError
+            If the ending is another one, there is no such output, the folder is missing, or the
+            output exists.
+        TribofluxError
+            If writing fails; no file is left then.
+        """
+        from triboflux import vtk_files
+
+        suffix = Path(path).suffix.lower()
+        if suffix not in (".vti", ".pvd"):
+            problem = f"is {shown_path(path)}, but must end in .vti or .pvd"
+            raise InputError.about("path", problem)
+        if suffix == ".vti":
+            vtk_files.write_image(self, path, -1 if time is None else time, overwrite=overwrite)
+            return
+        if time is not None:
+            raise InputError.about("time", f"is {shown(time)}, but a .pvd file holds all times")
+        vtk_files.write_series(self, path, overwrite=overwrite)
+
+    def to_csv(
+        self, path: str | PathLike[str], time: int | None = None, *, overwrite: bool = False
+    ) -> None:
+        """Write the result as comma-separated values, a row for each point at each output time.
+
+        Parameters and errors are those of `triboflux.csv_file.write_csv`.
+        """
+        from triboflux.csv_file import write_csv
+
+        write_csv(self, path, time, overwrite=overwrite)
+
+    def plot(self, time: int = -1) -> Figure:
+        """Draw the result at one output time, the last by default.
+
+        What is drawn, parameters and errors are those of `triboflux.figures.pictures.plot`.
+        """
+        from triboflux.figures import pictures
+
+        return pictures.plot(self, time)
+
+    def animate(
+        self, path: str | PathLike[str], *, fps: float = 10.0, overwrite: bool = False
+    ) -> None:
+        """Write an animation over all output times, as ``.gif`` or ``.mp4``.
+
+        Parameters and errors are those of `triboflux.figures.pictures.animate`.
+        """
+        from triboflux.figures import pictures
+
+        pictures.animate(self, path, fps=fps, overwrite=overwrite)
+
+    def _repr_html_(self) -> str:
+        """Show the case, how the run ended, its warnings and a small figure in a notebook."""
+        from triboflux.result_html import html
+
+        return html(self)
 
 
 def load(path: str | PathLike[str]) -> Result:

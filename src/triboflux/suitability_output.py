@@ -232,7 +232,7 @@ def _write(
     dataset: xr.Dataset, paths: list[Path], options: Options, marked: Suspension | None
 ) -> None:
     """Write figure and data, all files or none."""
-    from triboflux import compare_figure
+    from triboflux.figures import style
     from triboflux.figures.chart import Mark, chart_figure, is_inside
 
     marks: dict[str, Mark] = {}
@@ -249,7 +249,7 @@ def _write(
             if path.suffix == ".nc":
                 save(dataset, partial)
             else:
-                compare_figure.save(figure, partial)
+                style.save(figure, partial)
 
 
 def position(dataset: xr.Dataset, suspension: Suspension) -> tuple[float, float]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
     from rich.progress import TaskID
 
-    from triboflux.progress import Progress
+    from triboflux.progress import OutputProgress, Progress
     from triboflux.sweep import SweepProgress
 
 EXIT_INTERRUPTED = 130
@@ -140,13 +140,13 @@ class ProgressBar:
         self._bar: RichProgress | None = None
         self._task: TaskID | None = None
 
-    def __call__(self, progress: Progress | SweepProgress) -> None:
-        """Show how far a run or a sweep is.
+    def __call__(self, progress: Progress | SweepProgress | OutputProgress) -> None:
+        """Show how far a run, a sweep or a conversion is.
 
         Parameters
         ----------
-        progress : triboflux.progress.Progress or triboflux.sweep.SweepProgress
-            What `solve` or `sweep` reports.
+        progress : Progress, SweepProgress or OutputProgress
+            What `solve`, `sweep` or a writer of all output times reports.
         """
         if self._bar is None and time.monotonic() - self._since < _PATIENCE:
             return
@@ -177,6 +177,13 @@ class MembersBar(ProgressBar):
     def _text(self, progress: Any) -> str:
         not_ok = f", {progress.not_ok} not ok" if progress.not_ok else ""
         return f"{progress.done} of {progress.total}{not_ok}"
+
+
+class OutputsBar(ProgressBar):
+    """The same for a result that is converted: how many of its times are written."""
+
+    def _text(self, progress: Any) -> str:
+        return f"{progress.done} of {progress.total} times"
 
 
 def _rich_bar() -> RichProgress:

@@ -27,6 +27,9 @@ _BELOW_THE_OTHERS = (0.16, 0.13, 0.78, 0.21)
 
 IMPOSSIBLE = r"$\langle c_p^*\xi_p^*\rangle^2 > \langle\xi_p^*\xi_p^*\rangle$"
 
+IMPOSSIBLE_VECTOR = r"$|\langle c_p\xi_p\rangle|^2 > \Theta_p\langle\xi_p\xi_p\rangle$"
+"""The same with units, or in several dimensions."""
+
 
 class Panel(NamedTuple):
     """What a panel shows: a variable of the dataset, and the words around it."""
@@ -50,6 +53,14 @@ PANELS = (
         r"$\langle\xi'_p\xi'_p\rangle/Q_0^2$",
     ),
 )
+
+SI_LABELS = {
+    "charge": r"$Q_p$ (C)",
+    "field": "$E$ (V/m)",
+    "covariance": r"$\langle c'_p\xi'_p\rangle$ (C m/s)",
+    "variance": r"$\langle\xi'_p\xi'_p\rangle$ (C$^2$)",
+}
+"""Labels of the same variables in SI."""
 
 
 def figure_one(*results: Result) -> Figure:

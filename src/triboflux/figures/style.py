@@ -17,6 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
     from xarray import DataArray
@@ -150,6 +152,12 @@ def profile(
     return centred(result.dataset[variable].isel(time=time), result.case.grid.lengths[0])
 
 
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the same figure gives the same file."""
+    undated = {"CreationDate": None} if path.suffix == ".pdf" else None
+    figure.savefig(path, dpi=DOTS_PER_INCH, metadata=undated)
+
+
 def power_of_ten(value: float) -> str:
     """Return a number, as a power of ten if it is one and is far from 1.
 
@@ -161,6 +169,19 @@ def power_of_ten(value: float) -> str:
     exponent = round(math.log10(value)) if 0.0 < value < math.inf else 0
     is_power = math.isclose(value, 10.0**exponent, rel_tol=1e-12)
     return f"$10^{{{exponent}}}$" if is_power and abs(exponent) > 2 else f"{value:g}"
+
+
+def shown_number(value: float) -> str:
+    """Return a number with four digits, as a power of ten where that is shorter.
+
+    Parameters
+    ----------
+    value : float
+        Any number, infinity included.
+    """
+    text = power_of_ten(float(f"{value:.4g}"))
+    mantissa, exponential, exponent = text.partition("e")
+    return f"${mantissa}\\times 10^{{{int(exponent)}}}$" if exponential else text
 
 
 def shown_time(value: float) -> str:
