@@ -7,7 +7,7 @@ import pytest
 
 import triboflux as tbf
 from triboflux.checkpoint import InterruptionError
-from triboflux.errors import InputError
+from triboflux.errors import InputError, OutOfRangeError
 from triboflux.kinetic.ensemble import Parameters
 
 NUMBERS = {
@@ -257,8 +257,10 @@ def test_a_time_step_with_a_unit_needs_a_suspension():
 @pytest.mark.parametrize("outputs", [[0.1], [0.0, 0.1]])
 def test_particles_that_diverge_leave_the_states_before(tmp_path, outputs):
     """Each collision multiplies charges by 10⁸, and the output to come lies after the overflow."""
-    case = small_case({"ensembles": 2}, {"outputs": outputs}, tau_c=1e-3, peclet=1e-6)
-    begun = small_case({"ensembles": 2}, {"outputs": [0.0]}, tau_c=1e-3, peclet=1e-6)
+    numbers = {"tau_c": 1e-3, "peclet": 1e-6}
+    run = {"allow_out_of_range": True}
+    case = small_case({"ensembles": 2}, run | {"outputs": outputs}, **numbers)
+    begun = small_case({"ensembles": 2}, run | {"outputs": [0.0]}, **numbers)
     found = tbf.simulate(case)
     assert found.status == "diverged"
     assert found.stop_reason == "particles were not finite any longer at t = 0.1"
@@ -312,3 +314,11 @@ def test_more_dimensions_are_refused():
 def test_too_many_particles_for_the_memory_are_refused():
     with pytest.raises(InputError, match=r"kinetic\.particles makes .* GiB"):
         tbf.simulate(small_case({"particles": 10**9, "ensembles": 1000}))
+
+
+def test_collisions_that_pass_over_too_much_charge_are_refused_or_told():
+    numbers = {"peclet": 1e3, "tau_c": 0.02, "length_ratio": 1e3, "energy_ratio": 0.0}
+    with pytest.raises(OutOfRangeError, match="pass over more than the charge difference"):
+        tbf.simulate(small_case(**numbers))
+    told = tbf.simulate(small_case(run={"allow_out_of_range": True, "t_end": 1e-3}, **numbers))
+    assert "pass over more than the charge difference" in told.warnings[0]

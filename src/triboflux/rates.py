@@ -13,7 +13,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from triboflux.closures import collision_integral
+from triboflux.closures import collision_integral, fraction_limit
+from triboflux.errors import OutOfRangeError
 
 WARN_TRANSFERRED_FRACTION = 0.25
 """The γΘ^(a/2) from which the linear law of charge transfer is told to be strained."""
@@ -246,3 +247,42 @@ def scaled_rates(closures: ClosureValues, numbers: Any) -> ClosureRates:
 def _times(time: Any, rate: Any) -> Any:
     """Return time * rate, 0 where the rate vanishes identically and the time may be infinite."""
     return 0.0 if isinstance(rate, float) and rate == 0.0 else time * rate
+
+
+def transfer_warnings(
+    fraction: float, exponent: float, allow_out_of_range: bool = False
+) -> tuple[str, ...]:
+    """Refuse collisions that pass over too much charge, or say so, in a sentence.
+
+    Parameters
+    ----------
+    fraction : float
+        γΘ^(a/2), dimensionless.
+    exponent : float
+        a of the collision rule.
+    allow_out_of_range : bool
+        Warn instead of refusing.
+
+    Raises
+    ------
+    OutOfRangeError
+        If collisions on average pass over more than the charge difference.
+    """
+    limit = fraction_limit(exponent)
+    sentence = (
+        f"γΘ^(a/2) = {fraction:.4g}: collisions on average pass over more than the charge "
+        f"difference (the limit is {limit:.4g})"
+    )
+    if fraction >= limit:
+        if not allow_out_of_range:
+            raise OutOfRangeError(
+                f"numbers: {sentence}; take a smaller tau_c or a larger peclet, "
+                "or set run.allow_out_of_range = true."
+            )
+        return (f"{sentence}, outside the range of the closures.",)
+    if fraction >= WARN_TRANSFERRED_FRACTION:
+        return (
+            f"γΘ^(a/2) = {fraction:.4g}: collisions pass over a large part of the charge "
+            f"difference; the linear law wants it well below 1/2.",
+        )
+    return ()

@@ -19,6 +19,7 @@ from triboflux.keeping import Keeper
 from triboflux.kinetic.dataset import dataset_of
 from triboflux.kinetic.segments import ParticleSegments
 from triboflux.memory import require_memory_for_particles
+from triboflux.rates import transfer_warnings
 from triboflux.result import Result
 from triboflux.running import run_in_memory, run_to_file
 
@@ -74,6 +75,8 @@ def simulate(
     ------
     InputError
         If the case does not fit a particle simulation, or the checkpoint not the case.
+    OutOfRangeError
+        If collisions on average pass over more than the charge difference.
     TribofluxError
         If a checkpoint can't be written.
     """
@@ -160,6 +163,8 @@ class _Simulation:
     def __init__(self, case: Case, pool: ThreadPoolExecutor, keeper: Keeper) -> None:
         self._case, self._keeper = case, keeper
         self._segments = ParticleSegments(case, pool)
+        fraction = self._segments.parameters.charge_transfer
+        self._warnings = transfer_warnings(fraction, case.exponent, case.run.allow_out_of_range)
         keeper.take(self._segments)
 
     def complete(self, on_progress: Callable[[Progress], None] | None) -> None:
@@ -202,7 +207,7 @@ class _Simulation:
     def final_attributes(self) -> dict[str, str]:
         """Return the attributes that are known only at the end."""
         stats = self._segments.statistics() | {"seconds": round(self._keeper.seconds, 3)}
-        return stats_and_warnings(stats, [])
+        return stats_and_warnings(stats, self._warnings)
 
 
 def _check(case: Case) -> None:

@@ -7,11 +7,10 @@ from typing import TypeAlias
 import equinox as eqx
 from jaxtyping import Array, Float
 
-from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import OutOfRangeError
 from triboflux.numbers import Numbers
-from triboflux.rates import WARN_TRANSFERRED_FRACTION, scaled_rates
+from triboflux.rates import scaled_rates, transfer_warnings
 
 Scalar: TypeAlias = float | Float[Array, ""]
 
@@ -177,24 +176,7 @@ def validity(
                 f"'{closure_set.name}' closures to hold: take a smaller tau_c or a larger peclet."
             )
     fraction = float(coefficients.transferred_fraction)
-    limit = closures.fraction_limit(closure_set.exponent)
-    sentence = (
-        f"γΘ^(a/2) = {fraction:.4g}: collisions on average pass over more than the charge "
-        f"difference (the limit is {limit:.4g})"
-    )
-    warnings = []
-    if fraction >= limit:
-        if not allow_out_of_range:
-            raise OutOfRangeError(
-                f"numbers: {sentence}; take a smaller tau_c or a larger peclet, "
-                "or set run.allow_out_of_range = true."
-            )
-        warnings.append(f"{sentence}, outside the range of the closures.")
-    elif fraction >= WARN_TRANSFERRED_FRACTION:
-        warnings.append(
-            f"γΘ^(a/2) = {fraction:.4g}: collisions pass over a large part of the charge "
-            f"difference; the linear law wants it well below 1/2."
-        )
+    warnings = list(transfer_warnings(fraction, closure_set.exponent, allow_out_of_range))
     growth = -float(coefficients.variance_destruction)
     has_variance = model_name in ("full", "semi-algebraic")
     if has_variance and (growth > 0.0 or (growth == 0.0 and fraction > 0.0)):
