@@ -43,5 +43,5 @@ def triboflux(*arguments, folder, code=WATCHED, environment=None):
         capture_output=True,
         check=False,
         text=True,
-        timeout=60,
+        timeout=300,
     )

@@ -167,7 +167,7 @@ def check_variance(case: Case) -> None:
 def check_stop_value(case: Case, peak: float) -> None:
     """Refuse a stop value that the initial peak charge has reached already; raises InputError."""
     value = case.run.stop_at_peak_charge
-    if value is not None and value >= peak:
+    if value is not None and value >= (1.0 - _ROUND_OFF) * peak:
         raise InputError(
             f"run.stop_at_peak_charge: {value:g} is not allowed; it must be below the initial peak "
             f"charge, {peak:.6g}."

@@ -308,7 +308,7 @@ class Segments:
         records.append({"time": np.asarray(time, dtype=float), **evolved})
 
     def _peak_charge(self, carry: Carry, grid: Grid) -> float:
-        return float(_peak(grid, carry.coefficients))
+        return float(_peak(grid, self._grid, carry.coefficients))
 
     def _broken_at_start(self) -> tuple[str, str] | None:
         """Return status and reason if the initial state breaks a bound already."""
@@ -348,8 +348,8 @@ def _optional(value: float | None) -> Array | None:
 
 
 @eqx.filter_jit
-def _peak(grid: Grid, coefficients: Moments) -> Array:
-    return grid.peak(coefficients.charge)
+def _peak(grid: Grid, to: Grid, coefficients: Moments) -> Array:
+    return to.peak(grid.resized(coefficients.charge, to))
 
 
 @eqx.filter_jit
