@@ -62,7 +62,8 @@ def test_profile_of_a_run():
 def box_result(folder, points, shift=0.0):
     box = boxes.Box(points)
     case = Case.from_toml_text(boxes.case_text(box))
-    result = fake_result(case, stats={"accepted": 14, "rejected": 0, "seconds": 1.5})
+    stats = {"accepted": 14, "rejected": 0, "points": list(points), "seconds": 1.5}
+    result = fake_result(case, stats=stats)
     x, y = np.meshgrid(*(np.arange(n) / n for n in points), indexing="ij")
     last = np.sin(2 * np.pi * (x + 2 * y)) + 0.25
     for name in boxes.FIELDS:

@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> None:
     if found:
         text = f"{machine_facts()}\n\n{reaches(found)}"
         print(text, flush=True)
-        if chosen.write and len(found) == len(PROBLEMS):
+        if chosen.write and len(found) > 1:
             draw(found, FIGURE)
             write_section("reaches", text, PAGE)
     for part in (batch, growth):
