@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools as ft
-import itertools
 import math
 from collections.abc import Iterable
 
@@ -119,8 +118,7 @@ class Grid(eqx.Module):
         full = jnp.fft.rfftn(field, axes=axes, norm="forward")
         full = full[..., : self.kept[-1] + 1]
         for axis, k in zip(axes[:-1], self.kept[:-1], strict=True):
-            low = _slice(full, axis, 0, k + 1)
-            full = jnp.concatenate([low, _slice(full, axis, -k, None)], axis=axis) if k else low
+            full = _joined(full, axis, k, 0)
         return jnp.stack([full.real, full.imag], axis=-d - 1)
 
     def to_fields(self, coefficients: Float[Array, "*coefficients"]) -> Float[Array, "*shape"]:
@@ -144,17 +142,9 @@ class Grid(eqx.Module):
         if coefficients.ndim > d + 1 and math.prod(self.points) >= ALONE:
             return lax.map(self.to_fields, coefficients)
         real, imaginary = jnp.moveaxis(coefficients, -d - 1, 0)
-        kept = lax.complex(real, imaginary)
-        shape = (*self.points[:-1], self.points[-1] // 2 + 1)
-        full = jnp.zeros((*kept.shape[:-d], *shape), kept.dtype)
-        # Written corner by corner into zeros, which costs a fraction of padding axis by axis.
-        for corner in itertools.product(*(((0, k + 1), (-k, None)) for k in self.kept[:-1])):
-            block, starts = kept, [0] * kept.ndim
-            for axis, (start, stop) in zip(axes[:-1], corner, strict=True):
-                block = _slice(block, axis, start, stop)
-                starts[axis] = start % full.shape[axis]
-            if block.size:
-                full = lax.dynamic_update_slice(full, block, starts)
+        full = real + 1j * imaginary
+        for axis, k, n in zip(axes[:-1], self.kept[:-1], self.points[:-1], strict=True):
+            full = _joined(full, axis, k, n - 2 * k - 1)
         return jnp.fft.irfftn(full, s=self.points, axes=axes, norm="forward")
 
     def resized(
@@ -173,14 +163,12 @@ class Grid(eqx.Module):
         d = self.dimensions
         for axis, (old, new) in enumerate(zip(self.kept, to.kept, strict=True)):
             place, common = axis - d, min(old, new)
-            low = _slice(coefficients, place, 0, common + 1)
-            last = axis == d - 1
-            shape = list(low.shape)
-            shape[place] = (new - common) * (1 if last else 2)
-            parts = [low, jnp.zeros(shape, low.dtype)]
-            if common and not last:
-                parts.append(_slice(coefficients, place, -common, None))
-            coefficients = jnp.concatenate(parts, axis=place)
+            if axis < d - 1:
+                coefficients = _joined(coefficients, place, common, 2 * (new - common))
+            else:
+                low = _slice(coefficients, place, 0, common + 1)
+                high = ((0, 0),) * (low.ndim - 1) + ((0, new - common),)
+                coefficients = jnp.pad(low, high)
         return coefficients
 
     def rms(self, coefficients: Float[Array, "2 *modes"]) -> Float[Array, ""]:
@@ -272,3 +260,12 @@ def _slice(array: Array, axis: int, start: int, stop: int | None) -> Array:
     index = [slice(None)] * array.ndim
     index[axis] = slice(start, stop)
     return array[tuple(index)]
+
+
+def _joined(array: Array, axis: int, k: int, zeros: int) -> Array:
+    """Return the modes 0 to k along an axis, zeros, and the modes -k to -1."""
+    shape = list(array.shape)
+    shape[axis] = zeros
+    parts = [_slice(array, axis, 0, k + 1), jnp.zeros(shape, array.dtype)]
+    parts += [_slice(array, axis, -k, None)] if k else []
+    return jnp.concatenate(parts, axis=axis)
