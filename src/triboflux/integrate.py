@@ -25,7 +25,7 @@ from triboflux.integrators.root import Illinois
 from triboflux.models.model import Model
 from triboflux.models.terms import Term, evaluate
 from triboflux.moments import Moments
-from triboflux.resolution import unresolved
+from triboflux.resolution import resized, unresolved
 
 # Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
 # to what the round-off of the time does.
@@ -191,7 +191,7 @@ def moved(model: Model, carry: Carry, grid: Grid, to: Grid) -> Carry:
     to : Grid
         Where it goes on; modes that only this grid keeps begin at zero.
     """
-    coefficients = jax.tree.map(lambda leaf: grid.resized(leaf, to), carry.coefficients)
+    coefficients = resized(carry.coefficients, grid, to)
     fresh = _not_begun(model, coefficients, to)
     return Carry(carry.time, coefficients, fresh.solver_state, carry.next_step)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -75,8 +76,30 @@ def coarsest_for(state: Moments, grids: tuple[Grid, ...], rtol: float, atol: flo
     rtol, atol : float
         Tolerances of a time step.
     """
-    resolving = (g for g in grids[:-1] if not bool(unresolved(state, g, rtol, atol)))
-    return next(resolving, grids[-1])
+    if len(grids) == 1:
+        return grids[0]
+    too_coarse = np.asarray(_unresolved(state, grids[:-1], jnp.asarray(rtol), jnp.asarray(atol)))
+    return next((g for g, bad in zip(grids, too_coarse, strict=False) if not bad), grids[-1])
+
+
+@eqx.filter_jit
+def _unresolved(
+    state: Moments, grids: tuple[Grid, ...], rtol: Array, atol: Array
+) -> Bool[Array, " grids"]:
+    return jnp.stack([unresolved(state, grid, rtol, atol) for grid in grids])
+
+
+def resized(state: Moments, grid: Grid, to: Grid) -> Moments:
+    """Return the Fourier coefficients of a state as those of another grid of the same box.
+
+    Parameters
+    ----------
+    state : Moments
+        Coefficients on `grid`, with any leading axes.
+    grid, to : Grid
+        Modes that only `to` keeps become zero, and modes that it does not keep are dropped.
+    """
+    return jax.tree.map(lambda leaf: grid.resized(leaf, to), state)
 
 
 def _end_of_spectrum(leaf: Array, grid: Grid) -> Float[Array, "..."]:

@@ -32,7 +32,7 @@ from triboflux.keeping import Records
 from triboflux.models import Model
 from triboflux.moments import Moments
 from triboflux.progress import Progress, fraction_done
-from triboflux.resolution import coarsest_for, ladder
+from triboflux.resolution import coarsest_for, ladder, resized
 
 if TYPE_CHECKING:
     from jaxtyping import Array
@@ -50,6 +50,7 @@ LEAST_TOLERANCE = 1e-290
 _begin = eqx.filter_jit(begin)
 _advance = eqx.filter_jit(advance)
 _moved = eqx.filter_jit(moved)
+_resized = eqx.filter_jit(resized)
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ class Segments:
         now = self.position
         broken = self._broken_at_start()
         if broken is not None:
-            self._record(records, 0.0, now.carry.coefficients, now.grid)
+            self._record(records, 0.0, self._whole(now.carry.coefficients, now.grid))
             self.position = replace(now, recorded=1, ending=broken)
             return
         outcome = self._segment(records)
@@ -159,7 +160,7 @@ class Segments:
         if bool(outcome.finished):
             time = float(carry.time)
             if not len(records) or float(records[len(records) - 1]["time"]) < time:
-                self._record(records, time, carry.coefficients, grid)
+                self._record(records, time, self._whole(carry.coefficients, grid))
             ending = self._ending(outcome)
         elif bool(outcome.unresolved):
             grid = self._grids[self._grids.index(grid) + 1]
@@ -293,22 +294,24 @@ class Segments:
             )
             outcome = _advance(self._model, self.position.carry, grid, settings)
             reached = min(int(np.sum(np.isfinite(outcome.times))), len(now))
+            outputs = self._whole(outcome.outputs, grid) if reached else None
             for i in range(reached):
-                self._record(records, now[i], jax.tree.map(lambda a: a[i], outcome.outputs), grid)  # noqa: B023
+                self._record(records, now[i], jax.tree.map(lambda a: a[i], outputs))  # noqa: B023
             left = left[reached:]
             if reached < len(now) or not left.size or left[0] > float(outcome.carry.time):
                 return outcome
             # More outputs lie in this segment than fit: it is made again for the others.
 
-    def _record(self, records: Records, time: float, coefficients: Moments, grid: Grid) -> None:
-        evolved = {
-            name: np.asarray(grid.resized(getattr(coefficients, name), self._grid))
-            for name in self._model.evolves
-        }
+    def _record(self, records: Records, time: float, coefficients: Moments) -> None:
+        evolved = {name: np.asarray(getattr(coefficients, name)) for name in self._model.evolves}
         records.append({"time": np.asarray(time, dtype=float), **evolved})
 
+    def _whole(self, coefficients: Moments, grid: Grid) -> Moments:
+        """Return coefficients of a grid that the run works on as those of the case's."""
+        return coefficients if grid == self._grid else _resized(coefficients, grid, self._grid)
+
     def _peak_charge(self, carry: Carry, grid: Grid) -> float:
-        return float(_peak(grid, self._grid, carry.coefficients))
+        return float(_peak(self._grid, self._whole(carry.coefficients, grid)))
 
     def _broken_at_start(self) -> tuple[str, str] | None:
         """Return status and reason if the initial state breaks a bound already."""
@@ -348,8 +351,8 @@ def _optional(value: float | None) -> Array | None:
 
 
 @eqx.filter_jit
-def _peak(grid: Grid, to: Grid, coefficients: Moments) -> Array:
-    return to.peak(grid.resized(coefficients.charge, to))
+def _peak(grid: Grid, coefficients: Moments) -> Array:
+    return grid.peak(coefficients.charge)
 
 
 @eqx.filter_jit
