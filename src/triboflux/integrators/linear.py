@@ -98,12 +98,10 @@ class BlockOperator(LinearOperator):
 
     def apply(self, state: Moments) -> Moments:
         """Return the operator applied to Fourier coefficients; ``None`` moments count as zero."""
-        blocks = self._expand(self.blocks)
-        if self.vector:
-            return self._apply_vector(blocks, state)
-        scalars = [state.charge, state.variance]
-        results = [None if x is None else blocks[0, 0, i][None] * x for i, x in enumerate(scalars)]
-        return Moments(charge=results[0], variance=results[1])
+        blocks = self._expand(self.blocks)[None, None]
+        alone = BlockOperator(self.grid, self.vector, blocks, None)
+        results = alone.apply_all(jax.tree.map(lambda y: y[None], state))
+        return jax.tree.map(lambda y: y[0], results)
 
     def apply_all(self, states: Moments) -> Moments:
         """Return ``Σ_m A_mc y_m`` for all c; ``None`` moments count as zero.
@@ -111,12 +109,11 @@ class BlockOperator(LinearOperator):
         Written out as sums over m, which the compiler makes one pass over the modes, and with one
         projection per state instead of one per operator.
         """
+        blocks = self._expand(self.blocks)
         if not self.vector:
-            blocks = self._expand(self.blocks)
             scalars = ((0, states.charge), (1, states.variance))
             charge, variance = (_summed(blocks[:, :, 0, 0, i], x, 1) for i, x in scalars)
             return Moments(charge=charge, variance=variance)
-        blocks = self._expand(self.blocks)
         across = blocks[:, :, 0, 0, 1]
         charge = _summed(blocks[:, :, 0, 0, 0], states.charge, 1)
         turned = _summed(blocks[:, :, 1, 0, 0], states.charge, 1)
@@ -131,23 +128,6 @@ class BlockOperator(LinearOperator):
             unit = lax.optimization_barrier(_unit(self.grid))
             rest = _plus(rest, jax.vmap(lambda a: _vector(unit, a))(turned))
         return Moments(charge, rest, _summed(blocks[:, :, 1, 1, 1], states.variance, 1))
-
-    def _apply_vector(self, blocks: Array, state: Moments) -> Moments:
-        transverse, variance = blocks[0, 0, 1], blocks[1, 1, 1]
-        unit, charge, covariance = _unit(self.grid), None, None
-        if state.charge is not None:
-            charge = blocks[0, 0, 0][None] * state.charge
-            covariance = _vector(unit, blocks[1, 0, 0][None] * state.charge)
-        if state.covariance is not None:
-            along = _longitudinal(unit, state.covariance)
-            into_charge = blocks[0, 1, 0][None] * along
-            charge = into_charge if charge is None else charge + into_charge
-            rest = _vector(unit, (blocks[1, 1, 0] - transverse)[None] * along)
-            rest = rest + transverse[None, None] * state.covariance
-            covariance = rest if covariance is None else covariance + rest
-        if state.variance is None:
-            return Moments(charge, covariance, None)
-        return Moments(charge, covariance, variance[None] * state.variance)
 
     def _expand(self, table: Array) -> Array:
         return table if self.index is None else table[..., self.index]
