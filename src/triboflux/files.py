@@ -76,6 +76,25 @@ def require_writable(path: str | PathLike[str], *, overwrite: bool = False) -> N
         )
 
 
+def require_file(path: str | PathLike[str], name: str) -> None:
+    """Refuse a path that is no file to read.
+
+    Parameters
+    ----------
+    path : path-like
+        The path.
+    name : str
+        How to call it in a sentence.
+
+    Raises
+    ------
+    InputError
+        If it is missing or a folder.
+    """
+    if not os.path.isfile(path):
+        raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+
+
 @contextmanager
 def written_at_once(
     path: str | PathLike[str], *, overwrite: bool = False, alone: bool = False

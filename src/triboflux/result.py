@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,6 +23,7 @@ from triboflux.fields import (
     dimensions_of,
     labels_of,
 )
+from triboflux.files import require_file
 from triboflux.memory import available_memory
 from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.scales import Scales
@@ -242,8 +242,7 @@ def load(path: str | PathLike[str]) -> Result:
         If the file is missing, damaged, too large for the memory, or not one of ours.
     """
     name = f"result {shown_path(path)}"
-    if not os.path.isfile(path):
-        raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+    require_file(path, name)
     require_readable(path, name)
     try:
         opened = xr.open_dataset(  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -20,7 +19,7 @@ from triboflux.case import MODEL_NAMES, Case
 from triboflux.case_text import case_table
 from triboflux.comparison import relative_errors
 from triboflux.errors import InputError, require_one_of, shown, shown_path
-from triboflux.files import require_folder
+from triboflux.files import require_file, require_folder
 from triboflux.initial_state import initial_fields
 from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.rates import scaled_rates
@@ -396,8 +395,7 @@ def load(path: str | PathLike[str]) -> xr.Dataset:
     import xarray as xr
 
     name = f"map {shown_path(path)}"
-    if not os.path.isfile(path):
-        raise InputError(f"{name} is {'a folder' if os.path.isdir(path) else 'missing'}.")
+    require_file(path, name)
     require_readable(path, name)
     try:
         with xr.open_dataset(path, engine="netcdf4") as opened:  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
