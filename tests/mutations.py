@@ -46,8 +46,8 @@ MUTATIONS = (
     Mutation(
         "a plane wave equals the one-dimensional solution",
         LINEAR,
-        "rest = rest + transverse[None, None] * state.covariance",
-        "rest = rest + 1.01 * transverse[None, None] * state.covariance",
+        "rest = _summed(across, states.covariance, 2)",
+        "rest = _summed(1.01 * across, states.covariance, 2)",
         "test_invariants.py::test_a_plane_wave_is_the_solution_of_one_dimension",
     ),
     Mutation(
