@@ -10,7 +10,7 @@ WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help venv reproduce test check format bench evidence verdict lock clean
+.PHONY: help venv reproduce test check docs links format bench evidence verdict lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -51,6 +51,14 @@ check: $(VENV)/.installed ## lint, formatting and types
 	$(BIN)/python -m ruff check
 	$(BIN)/python -m ruff format --check
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/python -m pyright
+
+docs: $(VENV)/.installed ## build the documentation site into build/docs
+	$(BIN)/python -m sphinx --builder html --jobs auto --fail-on-warning --keep-going --quiet \
+	    docs build/docs
+	@echo "Open build/docs/index.html."
+
+links: $(VENV)/.installed ## ask the network whether links to other sites still lead somewhere
+	$(BIN)/python -m sphinx --builder linkcheck --quiet docs build/links
 
 format: $(VENV)/.installed ## mend formatting and what lint can mend
 	$(BIN)/python -m ruff check --fix

@@ -1,0 +1,63 @@
+"""How Sphinx builds the documentation: `make docs`."""
+
+import sys
+from pathlib import Path
+
+import triboflux
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+project = "triboflux"
+author = "The triboflux developers"
+copyright = author
+release = version = triboflux.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "_extensions.docstrings",
+    "_extensions.generated",
+    "_extensions.mathml",
+]
+exclude_patterns = ["_*"]
+
+# Markdown that a code host shows, too: headings make their own anchors, as they do there.
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+# The folder of the tutorials may be empty.
+suppress_warnings = ["toc.empty_glob"]
+
+# Notebooks run in full; what did not change since the last build is taken from the cache.
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(HERE.parent / "build" / "notebooks")
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+
+# Names of this package have to resolve; those of others would need their sites.
+nitpicky = True
+nitpick_ignore_regex = [("py:.*", r"(?!triboflux).*")]
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_default_options = {"members": True}
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+# Single backticks in docstrings are names.
+default_role = "code"
+
+html_theme = "furo"
+html_title = f"triboflux {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+html_show_sphinx = False
+html_copy_source = False
+
+# `make links` asks the network; `make docs` does not.
+linkcheck_timeout = 20
+linkcheck_retries = 2
