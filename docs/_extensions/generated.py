@@ -7,9 +7,18 @@ from docutils.statemachine import StringList
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
+from .citation import citation
 from .commands import commands
+from .equations import coefficients, equations, rates, terms
 
-PIECES = {"commands": commands}
+PIECES = {
+    "citation": citation,
+    "coefficients": coefficients,
+    "commands": commands,
+    "equations": equations,
+    "rates": rates,
+    "terms": terms,
+}
 """What a page can ask for, and the function that returns it as Markdown."""
 
 
@@ -23,6 +32,7 @@ class Generated(SphinxDirective):
         name = self.arguments[0]
         if name not in PIECES:
             raise self.error(f"'{name}' is not known; allowed are {', '.join(PIECES)}.")
+        self.env.note_reread()  # the program may have changed though the page has not
         container = nodes.section()
         container.document = self.state.document
         text = StringList(PIECES[name]().splitlines(), source=f"generated {name}")

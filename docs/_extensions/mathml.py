@@ -21,6 +21,8 @@ def formula(latex: str, display: str) -> str:
         ``"inline"`` or ``"block"``.
     """
     element = convert(latex, display=display)
+    # the converter takes infinity for an operator, which would get space around it
+    element = element.replace("<mo>&#x0221E;</mo>", "<mi>&#x0221E;</mi>")
     return element.replace("<math ", f'<math alttext="{escape(latex)}" ', 1)
 
 

@@ -1,0 +1,234 @@
+"""The models' equations and coefficients as Markdown, from the lists of terms that are solved.
+
+Symbols are put where a run has numbers, and go through the same functions: what the page shows is
+what the program adds up.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+import sympy
+
+from triboflux import closures
+from triboflux.audit import audit
+from triboflux.models import REGISTRY, Model, Term, transport_coefficients
+from triboflux.models import coefficients as models_coefficients
+from triboflux.rates import ClosureRates, scaled_rates
+from triboflux.tables import latex_math
+
+E, L, D, PECLET, TAU_C, TAU_P, TAU_SIGMA, FORCE, TRACE, TAU_XI = sympy.symbols(
+    r"e L d \mathrm{Pe} \tau_c \tau_p \tau_\sigma u n_t \tau_\xi", positive=True
+)
+NUMBERS: Any = SimpleNamespace(
+    peclet=PECLET,
+    tau_c=TAU_C,
+    tau_p=TAU_P,
+    tau_sigma=TAU_SIGMA,
+    energy_ratio=FORCE,
+    length_ratio=L / D,
+    restitution=E,
+)
+"""The seven numbers as symbols, called as in `triboflux.Numbers`."""
+
+RATES = {
+    "collisional_flux": (r"\eta", "collisional part of the flux", "(2.27)"),
+    "charge_exchange": (r"\tau_\xi^{-1}", "charge exchange", "(3.6)"),
+    "gradient_production": ("P", "covariance from the charge gradient", "(3.4)"),
+    "field_production": ("S", "covariance from the electric field", "(3.4)"),
+    "covariance_destruction": ("R", "destruction of the covariance", "(3.3), (3.4)"),
+    "third_moment": ("K_1", "relaxation of ⟨ξ'c'c'⟩", "(3.8)"),
+    "third_moment_trace": ("K_2", "relaxation of its trace", "(3.9)"),
+    "shear": ("G_1", "of ∂ᵢCⱼ + ∂ⱼCᵢ", "(3.10)"),
+    "divergence": ("G_2", "of ∇·C δᵢⱼ", "(3.10)"),
+    "variance_destruction": ("F", "destruction of the variance", "(4.2)"),
+    "variance_field_production": ("B", "variance from the squared field", "(4.2)"),
+    "variance_collisional_dispersion": ("D_c", "collisional dispersion of the variance", "(4.2)"),
+    "variance_flux_destruction": ("N", "relaxation of ⟨ξ'ξ'c'⟩", "(4.3)"),
+    "transferred_fraction": (
+        r"\gamma\Theta^{a/2}",
+        "mean part of the charge difference that a collision passes over",
+        "(2.14)",
+    ),
+}
+"""Symbol, meaning and equation of what `triboflux.rates` computes."""
+
+SHORT = {
+    "covariance_collision": "r_c",
+    "covariance_exchange": r"r_\xi",
+    "third_moment_collision": "k_c",
+    "third_moment_exchange": r"k_\xi",
+    "third_moment_drag": "k_p",
+    "third_moment_trace": "k_t",
+    "variance_flux_product": r"(\lambda_{3.5}\kappa)",
+}
+"""Symbols of the closure coefficients that the paper gives no letter."""
+
+_LETTERS = {"charge": "Q", "covariance": r"\mathbf{C}", "variance": "V"}
+_VECTOR = {
+    "E": r"\mathbf{E}",
+    "C": r"\mathbf{C}",
+    "∇": r"\nabla ",
+    "·": r"\cdot ",
+    "²": "^2",
+    "|": r"\vert ",  # a bar would end the cell of a table
+}
+
+
+class _Closures(SimpleNamespace):
+    """Closure coefficients as symbols; the trace is left open."""
+
+    def __getitem__(self, name: str) -> sympy.Symbol:
+        return sympy.Symbol(_closure_symbol(name), positive=True)
+
+    def trace_dimensions(self, grid_dimensions: int) -> sympy.Symbol:
+        return TRACE
+
+
+def _closure_symbol(name: str) -> str:
+    return SHORT.get(name) or latex_math(closures.derived(1.0).coefficients[name].symbol)
+
+
+def symbolic_model(name: str) -> Model:
+    """Return a model whose coefficients are symbols.
+
+    Parameters
+    ----------
+    name : str
+        A key of the registry.
+    """
+    symbols = {key: sympy.Symbol(symbol) for key, (symbol, *_) in RATES.items()}
+    rates = ClosureRates(**symbols)
+    with mock.patch.object(models_coefficients, "scaled_rates", return_value=rates):
+        return REGISTRY[name](transport_coefficients(NUMBERS, _Closures(), 1))
+
+
+def _latex(expression: Any) -> str:
+    exact = sympy.nsimplify(sympy.sympify(expression), rational=True)
+    return sympy.latex(sympy.factor_terms(exact), order="none", mul_symbol=r"\,")
+
+
+def _cell(expression: Any) -> str:
+    """Return an expression for a table, its fractions as large as in a formula of its own."""
+    return rf"$\displaystyle {_latex(expression)}$"
+
+
+def _source(term: Term) -> str:
+    """Return the source of a term as LaTeX, and for a product as the program names it."""
+    if isinstance(term.source, str):
+        return _LETTERS[term.source]
+    return "".join(_VECTOR.get(letter, letter) for letter in term.source.name)
+
+
+def _applied(term: Term) -> str:
+    """Return operator and source as LaTeX."""
+    name, source = term.operator.name, _source(term)
+    if name == "1":
+        return source
+    operator = "".join(_VECTOR.get(letter, letter) for letter in name)
+    if name.endswith("E"):  # the field of the charge
+        return operator
+    return f"{operator}({source})" if " " in source else f"{operator}{source}"
+
+
+def _sum(terms: tuple[Term, ...]) -> str:
+    parts: list[str] = []
+    for term in terms:
+        coefficient = sympy.factor_terms(sympy.nsimplify(sympy.sympify(term.coefficient)))
+        negative = coefficient.could_extract_minus_sign()
+        size = -coefficient if negative else coefficient
+        factor = "" if size == 1 else _latex(size)
+        if size.is_Add:
+            factor = f"({factor})"
+        parts.append(f"{'-' if negative else '+'} {factor}\\,{_applied(term)}")
+    return " ".join(parts).removeprefix("+ ") or "0"
+
+
+def equations(name: str = "full") -> str:
+    """Return the equations of a model as formulas.
+
+    Parameters
+    ----------
+    name : str
+        A key of the registry.
+    """
+    model = symbolic_model(name)
+    formulas: list[str] = []
+    for moment in model.evolves:
+        terms = tuple(term for term in model.terms if term.moment == moment)
+        formulas.append(f"$$\n\\partial_t {_LETTERS[moment]} = {_sum(terms)}\n$$")
+    return "\n\n".join(formulas)
+
+
+def terms() -> str:
+    """Return, for each model of the registry, its equations and the table of its terms.
+
+    The equations of the full model have a place of their own, see `equations`.
+    """
+    sections: list[str] = []
+    for name in REGISTRY:
+        model = symbolic_model(name)
+        rows = [
+            "| equation of | term | group in budgets | paper | operator | source | coefficient |",
+            "| --- | --- | --- | --- | --- | --- | --- |",
+        ]
+        for term in model.terms:
+            source = f"${_source(term)}$"
+            cells = (
+                f"${_LETTERS[term.moment]}$",
+                term.name,
+                term.group,
+                term.equation,
+                term.operator.name,
+                source,
+                _cell(term.coefficient),
+            )
+            rows.append(f"| {' | '.join(cells)} |")
+        formulas = () if name == "full" else (equations(name),)
+        sections += [f"### {name}", *formulas, "\n".join(rows)]
+    return "\n\n".join(sections)
+
+
+def rates() -> str:
+    """Return the table of the coefficients of the equations, as functions of the seven numbers."""
+    found = scaled_rates(_Closures(), NUMBERS)
+    rows = ["| symbol | what | expression | paper |", "| --- | --- | --- | --- |"]
+    for key, (symbol, meaning, equation) in RATES.items():
+        expression = getattr(found, key)
+        if key != "charge_exchange":
+            expression = _by_exchange(expression, found.charge_exchange)
+        rows.append(f"| ${symbol}$ | {meaning} | {_cell(expression)} | {equation} |")
+    return "\n".join(rows)
+
+
+def _by_exchange(expression: sympy.Expr, exchange: sympy.Expr) -> sympy.Expr:
+    """Write the terms with the number λ' by 1/τ_ξ, in which it is hidden."""
+    number = _Closures()["exchange_time"]
+    terms = sympy.Add.make_args(sympy.expand(expression))
+    return sympy.Add(
+        *(term / exchange / TAU_XI if term.has(number) else term for term in terms),
+        evaluate=True,
+    )
+
+
+def coefficients() -> str:
+    """Return the table of the closure coefficients, exact and printed, for e = 1 and a = 4/5."""
+    rows = [
+        "| symbol | name | exact form | exact | printed | paper | verdict |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in audit():
+        printed = "–" if row.printed is None else f"{row.printed:.4g}"
+        cells = (
+            f"${_closure_symbol(row.name)}$",
+            f"`{row.name}`",
+            f"${latex_math(row.formula)}$",
+            f"{row.exact:.4g}",
+            printed,
+            row.equation.replace(" ", "\N{NO-BREAK SPACE}"),
+            row.verdict.replace(" ", "\N{NO-BREAK SPACE}"),
+        )
+        rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
