@@ -43,12 +43,15 @@ nitpick_ignore_regex = [("py:.*", r"(?!triboflux).*")]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
-autodoc_default_options = {"members": True}
+autodoc_default_options = {"members": True, "exclude-members": "model_config"}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 # Single backticks in docstrings are names.
 default_role = "code"
+
+# Quotation marks and dashes are what the pages have; two hyphens begin an option.
+smartquotes = False
 
 html_theme = "furo"
 html_title = f"triboflux {release}"

@@ -26,14 +26,14 @@ def _section(command: Any, context: typer.Context) -> str:
     usage = f"{context.command_path} {' '.join(command.collect_usage_pieces(context))}"
     parts = [
         f"## {context.command_path}",
-        inspect.cleandoc(command.help or ""),
+        _marked(inspect.cleandoc(command.help or "")),
         f"```text\n{usage}\n```",
     ]
     records = [parameter.get_help_record(context) for parameter in command.params]
     parts += [_entry(*record) for record in records if record]
     if command.epilog:
         example = command.epilog.removeprefix("Example: ")
-        parts.append(f"Example:\n\n```sh\n{example}\n```")
+        parts.append(f"Example:\n\n```text\n{example}\n```")
     return "\n\n".join(parts)
 
 
@@ -41,4 +41,9 @@ def _entry(name: str, text: str) -> str:
     """Return an argument or option as an entry of a definition list."""
     remarks = r"\s*\[((?:required|default: |\d|x).*)\]$"
     said, _, remark = re.sub(remarks, r"\0\1", text).partition("\0")
-    return f"`{name}`\n: {said}" + (f" *({remark})*" if remark else "")
+    return f"`{name}`\n: {_marked(said)}" + (f" *({remark})*" if remark else "")
+
+
+def _marked(text: str) -> str:
+    """Mark the options that a text names as code."""
+    return re.sub(r"(?<![\w`-])--[a-z][a-z-]*", r"`\g<0>`", text)

@@ -81,10 +81,15 @@ class _Closures(SimpleNamespace):
     """Closure coefficients as symbols; the trace is left open."""
 
     def __getitem__(self, name: str) -> sympy.Symbol:
-        return sympy.Symbol(_closure_symbol(name), positive=True)
+        return closure(name)
 
     def trace_dimensions(self, grid_dimensions: int) -> sympy.Symbol:
         return TRACE
+
+
+def closure(name: str) -> sympy.Symbol:
+    """Return the symbol of a closure coefficient."""
+    return sympy.Symbol(_closure_symbol(name), positive=True)
 
 
 def _closure_symbol(name: str) -> str:
@@ -191,21 +196,26 @@ def terms() -> str:
     return "\n\n".join(sections)
 
 
-def rates() -> str:
-    """Return the table of the coefficients of the equations, as functions of the seven numbers."""
+def rate_expressions() -> dict[str, sympy.Expr]:
+    """Return the coefficients of the equations as functions of the seven numbers and 1/τ_ξ."""
     found = scaled_rates(_Closures(), NUMBERS)
+    exchange = found.charge_exchange
+    expressions = {key: _by_exchange(getattr(found, key), exchange) for key in RATES}
+    return expressions | {"charge_exchange": exchange}
+
+
+def rates() -> str:
+    """Return the table of the coefficients of the equations."""
     rows = ["| symbol | what | expression | paper |", "| --- | --- | --- | --- |"]
-    for key, (symbol, meaning, equation) in RATES.items():
-        expression = getattr(found, key)
-        if key != "charge_exchange":
-            expression = _by_exchange(expression, found.charge_exchange)
+    for key, expression in rate_expressions().items():
+        symbol, meaning, equation = RATES[key]
         rows.append(f"| ${symbol}$ | {meaning} | {_cell(expression)} | {equation} |")
     return "\n".join(rows)
 
 
 def _by_exchange(expression: sympy.Expr, exchange: sympy.Expr) -> sympy.Expr:
     """Write the terms with the number λ' by 1/τ_ξ, in which it is hidden."""
-    number = _Closures()["exchange_time"]
+    number = closure("exchange_time")
     terms = sympy.Add.make_args(sympy.expand(expression))
     return sympy.Add(
         *(term / exchange / TAU_XI if term.has(number) else term for term in terms),
