@@ -1,5 +1,6 @@
 """How Sphinx builds the documentation: `make docs`."""
 
+import hashlib
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ extensions = [
     "_extensions.docstrings",
     "_extensions.generated",
     "_extensions.mathml",
+    "_extensions.offline",
 ]
 exclude_patterns = ["_*"]
 
@@ -30,12 +32,15 @@ myst_heading_anchors = 4
 # The folder of the tutorials may be empty.
 suppress_warnings = ["toc.empty_glob"]
 
-# Notebooks run in full; what did not change since the last build is taken from the cache.
+# Notebooks run in full. What neither they nor the package changed since is taken from the cache.
+SOURCE = sorted(Path(triboflux.__file__).parent.rglob("*.py"))
+STATE = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCE)).hexdigest()[:16]
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(HERE.parent / "build" / "notebooks")
+nb_execution_cache_path = str(HERE.parent / "build" / "notebooks" / STATE)
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+nb_ipywidgets_js = {}  # would come from another host
 
 # Names of this package have to resolve; those of others would need their sites.
 nitpicky = True
@@ -58,6 +63,7 @@ html_title = f"triboflux {release}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_math_renderer = "mathml"
+pygments_dark_style = "github-dark"
 html_show_sphinx = False
 html_copy_source = False
 

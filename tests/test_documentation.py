@@ -290,3 +290,18 @@ def test_the_reference_has_every_public_name():
     pages = "\n".join(text(page) for page in PAGES if page.startswith(f"docs{os.sep}api"))
     described = set(re.findall(r"^\.\. auto\w+:: triboflux\.(\w+)$", pages, re.MULTILINE))
     assert set(triboflux.__all__) - described == {"__version__"}
+
+
+@pytest.mark.parametrize(
+    ("page", "count"),
+    [
+        ('<script src="_static/a.js"></script><a href="https://example.org">there</a>', 0),
+        ('<script async src="https://example.org/a.js"></script>', 1),
+        ('<link href="//example.org/a.css" rel="stylesheet"><img alt="" src="http://a.b/c">', 2),
+        ('<link rel="canonical" href="https://example.org/page.html">', 0),
+    ],
+)
+def test_what_a_page_loads_from_elsewhere_is_found(page, count):
+    from docs._extensions.offline import foreign
+
+    assert len(foreign(page)) == count
