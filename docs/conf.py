@@ -22,6 +22,7 @@ extensions = [
     "_extensions.docstrings",
     "_extensions.generated",
     "_extensions.mathml",
+    "_extensions.notebooks",
     "_extensions.offline",
 ]
 exclude_patterns = ["_*"]
@@ -29,8 +30,6 @@ exclude_patterns = ["_*"]
 # Markdown that a code host shows, too: headings make their own anchors, as they do there.
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
-# The folder of the tutorials may be empty.
-suppress_warnings = ["toc.empty_glob"]
 
 # Notebooks run in full. What neither they nor the package changed since is taken from the cache.
 SOURCE = sorted(Path(triboflux.__file__).parent.rglob("*.py"))
