@@ -47,6 +47,7 @@ nitpick_ignore_regex = [("py:.*", r"(?!triboflux).*")]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
+autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True, "exclude-members": "model_config"}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
@@ -54,8 +55,8 @@ napoleon_use_ivar = True
 # Single backticks in docstrings are names.
 default_role = "code"
 
-# Quotation marks and dashes are what the pages have; two hyphens begin an option.
-smartquotes = False
+# Quotation marks are those of the pages; Sphinx itself puts two hyphens between type and meaning.
+smartquotes_action = "D"
 
 html_theme = "furo"
 html_title = f"triboflux {release}"
