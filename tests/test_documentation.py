@@ -107,14 +107,17 @@ def parse_module(words):
         raise ParsedError
 
     module, *arguments = words
-    with (
-        mock.patch.object(sys, "argv", [module, *arguments]),
-        mock.patch.object(argparse.ArgumentParser, "parse_args", parse_args),
-        mock.patch.dict(sys.modules),
-        pytest.raises(ParsedError),
-    ):
-        sys.modules.pop(module, None)  # another test may have imported it
-        runpy.run_module(module, run_name="__main__")
+    imported = sys.modules.pop(module, None)  # else running it anew is warned of
+    try:
+        with (
+            mock.patch.object(sys, "argv", [module, *arguments]),
+            mock.patch.object(argparse.ArgumentParser, "parse_args", parse_args),
+            pytest.raises(ParsedError),
+        ):
+            runpy.run_module(module, run_name="__main__")
+    finally:
+        if imported is not None:
+            sys.modules[module] = imported
 
 
 def check_line(words):
