@@ -30,7 +30,7 @@ def regime(closure_name="derived", **fields):
     """Return regime and sentence for typed numbers."""
     made = Numbers(**fields)
     rates = scaled_rates(closures.by_name(closure_name, made.restitution), made)
-    return assessment._regime(made.peclet, rates)
+    return assessment.regime_of(made.peclet, rates)
 
 
 # ------------------------------------------------------------------ coefficients

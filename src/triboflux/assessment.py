@@ -120,7 +120,7 @@ def assess(
     numbers = from_suspension(suspension, closure_name)
     closure_set = closures.by_name(closure_name, suspension.restitution)
     scaled = scaled_rates(closure_set, numbers)
-    regime, about = _regime(numbers.peclet, scaled)
+    regime, about = regime_of(numbers.peclet, scaled)
     if scaled.transferred_fraction >= closures.fraction_limit(HERTZ_EXPONENT):
         advice = advice_without_model(scaled.transferred_fraction)
     else:
@@ -199,8 +199,21 @@ def _coefficients(
     )
 
 
-def _regime(peclet: float, rates: ClosureRates) -> tuple[str, str]:
-    """Return the regime and a sentence about it, from scaled coefficients."""
+def regime_of(peclet: float, rates: ClosureRates) -> tuple[str, str]:
+    """Return the regime and a sentence about it.
+
+    Parameters
+    ----------
+    peclet : float
+        Péclet number.
+    rates : ClosureRates
+        Coefficients of the equations, scaled.
+
+    Returns
+    -------
+    tuple of str
+        ``"kinetic"``, ``"dense"`` or ``"intermediate"``, and the sentence.
+    """
     kinetic = peclet / rates.covariance_destruction
     regime = "kinetic" if kinetic > 10.0 else "dense" if kinetic < 0.1 else "intermediate"
     carried = {

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("table", "json", "toml")
 
-_MEANINGS = {
+MEANINGS = {
     "peclet": ("Pe = L sqrt(Theta)/D", "(5.13)"),
     "tau_sigma": ("tau_sigma* = epsilon_0 sqrt(Theta)/(sigma L)", "(5.14)"),
     "tau_c": ("tau_c* = tau_c sqrt(Theta)/L", "(5.15)"),
@@ -147,7 +147,7 @@ def _write_tables(assessment: Assessment, file: TextIO, closures: str, *, senten
             ("name", "definition", "value", "equation"),
             (
                 (name, definition, f"{numbers[name]:.6g}", equation)
-                for name, (definition, equation) in _MEANINGS.items()
+                for name, (definition, equation) in MEANINGS.items()
             ),
         )
     )

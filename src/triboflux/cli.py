@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from triboflux import __version__, cli_convert, cli_many, cli_run
+from triboflux import __version__, cli_convert, cli_explore, cli_many, cli_run
 from triboflux.cli_options import EXIT_NOT_OK, EXIT_REFUSED, Overwrite, Quiet, Workers
 from triboflux.errors import InputError, TribofluxError, require_one_of, shown_path
 
@@ -51,6 +51,7 @@ def _fail(sentence: str, code: int) -> NoReturn:
 app.add_typer(cli_run.commands)
 app.add_typer(cli_many.commands)
 app.add_typer(cli_convert.commands)
+app.add_typer(cli_explore.commands)
 
 
 @app.callback(invoke_without_command=True)

@@ -1,0 +1,1 @@
+"""The web page of `triboflux explore`: inputs, live runs, a map and downloads, on this machine."""

@@ -1,0 +1,221 @@
+"""Runs for the page: every model of a case up to the same time, one after the other."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from triboflux.advice import Advice, choice
+from triboflux.case import MODEL_NAMES, Case
+from triboflux.compare import with_changes
+from triboflux.comparison import relative_errors
+from triboflux.errors import InputError, TribofluxError
+from triboflux.model_errors import CHEAPEST_FIRST, OK, ModelError, ModelErrors, outside
+from triboflux.suitability import NOT_HALVED
+from triboflux.validation import SMALLEST
+
+if TYPE_CHECKING:
+    from triboflux.progress import Progress
+    from triboflux.result import Result
+
+FRAMES = 41
+"""Output times of a run; always as many, so that cases share their compiled programs."""
+REFERENCE = "full"
+"""The model that the others are measured against, as in `triboflux.suitability.MEASURE`."""
+
+_LATE = 0.9
+_locks: dict[Any, threading.Lock] = {}
+_locks_guard = threading.Lock()
+_compiled: set[Any] = set()
+
+
+class CancelledError(TribofluxError):
+    """A run that nobody waits for any longer."""
+
+
+@dataclass(frozen=True)
+class ModelRun:
+    """One model of a case.
+
+    Attributes
+    ----------
+    model : str
+        Its name.
+    status : str
+        As `Result.status`, or ``"refused"``.
+    reason : str
+        Why its own run ended, or was refused.
+    own : Result or None
+        Its own run, as the stop rule ends it, with outputs at the times of the page.
+    shown : Result or None
+        The same, or a run without stop rule, up to the last of these times.
+    stop_time : float or None
+        When the stop rule ended its own run, scaled; None if it did not.
+    error : float or None
+        L2 norm of Q - Q_full over that of Q_full at the last time; None if it did not get there.
+    """
+
+    model: str
+    status: str
+    reason: str
+    own: Result | None = None
+    shown: Result | None = None
+    stop_time: float | None = None
+    error: float | None = None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences that the user must be told."""
+        return () if self.own is None else self.own.warnings
+
+
+def runs(
+    case: Case,
+    first: tuple[str, ...] = (),
+    *,
+    models: tuple[str, ...] = MODEL_NAMES,
+    check: Callable[[], None],
+    on_progress: Callable[[str, Progress], None] | None = None,
+) -> Iterator[ModelRun]:
+    """Run a case with every model up to the time at which the full model's own run ends.
+
+    Parameters
+    ----------
+    case : Case
+        Of any model; its outputs do not matter.
+    first : tuple of str
+        Models to begin with, after the full one.
+    models : tuple of str
+        All that are wanted besides.
+    check : callable
+        Called between steps; raises `CancelledError` if nobody waits any longer.
+    on_progress : callable, optional
+        Called with a model's name and its progress.
+
+    Yields
+    ------
+    ModelRun
+        The full model first.
+
+    Raises
+    ------
+    InputError
+        If the case is refused with the full model.
+    """
+
+    def solved(wanted: Case) -> Result:
+        return _solved(wanted, check, on_progress)
+
+    reference = _reference(case, solved)
+    yield reference
+    assert reference.own is not None
+    times = tuple(map(float, reference.own.dataset["time"].values))
+    others = [name for name in (*first, *models) if name != REFERENCE]
+    for name in dict.fromkeys(others):
+        check()
+        yield _other(with_changes(case, model=name), times, reference.own, solved)
+
+
+def _reference(case: Case, solved: Callable[[Case], Result]) -> ModelRun:
+    """Return the full model's run with outputs equally far apart up to its end."""
+    end = case.run.t_end
+    case = with_changes(case, model=REFERENCE)
+    if case.run.stop_at_peak_charge is not None:
+        late = with_changes(case, run={"outputs": np.linspace(_LATE * end, end, FRAMES).tolist()})
+        end = float(solved(late).dataset["time"].values[-1])
+    times = np.linspace(0.0, end, FRAMES).tolist() if end > 0.0 else [0.0]
+    own = solved(with_changes(case, run={"outputs": times}))
+    stopped = end if end < case.run.t_end and own.status == OK else None
+    return ModelRun(REFERENCE, own.status, own.stop_reason, own, own, stopped, 0.0)
+
+
+def _other(
+    case: Case, times: tuple[float, ...], reference: Result, solved: Callable[[Case], Result]
+) -> ModelRun:
+    """Return another model's own run, and a longer one if that ends before the last time."""
+    try:
+        own = shown = solved(with_changes(case, run={"outputs": times}))
+    except InputError as error:
+        return ModelRun(case.model, "refused", str(error))
+    end = float(own.dataset["time"].values[-1])
+    stopped = end if own.status == OK and end < case.run.t_end else None
+    if stopped is not None and end < times[-1]:
+        # a stop value that is never reached needs no other compiled program
+        longer = {"t_end": times[-1], "outputs": times, "stop_at_peak_charge": SMALLEST}
+        shown = solved(with_changes(case, run=longer))
+    at_end = np.flatnonzero(shown.dataset["time"].values == times[-1])
+    error = None
+    if at_end.size and shown.status == OK:
+        charge = shown.dataset["charge"].values[at_end[0]]
+        error = relative_errors(charge, reference.dataset["charge"].values[-1]).rms
+    return ModelRun(case.model, own.status, own.stop_reason, own, shown, stopped, error)
+
+
+def _solved(
+    case: Case,
+    check: Callable[[], None],
+    on_progress: Callable[[str, Progress], None] | None,
+) -> Result:
+    """Solve a case; of the first callers of a program all but one wait until it is compiled."""
+    from triboflux.solve import solve  # imports JAX
+
+    def report(progress: Progress) -> None:
+        check()
+        if on_progress is not None:
+            on_progress(case.model, progress)
+
+    check()
+    program = (
+        case.model,
+        case.grid,
+        case.run.stop_at_peak_charge is None,
+        len(case.run.output_times),
+    )
+    if program in _compiled:
+        return solve(case, on_progress=report)
+    with _locks_guard:
+        lock = _locks.setdefault(program, threading.Lock())
+    with lock:
+        check()
+        result = solve(case, on_progress=report)
+        _compiled.add(program)
+    return result
+
+
+def advice_of(case: Case, found: dict[str, ModelRun]) -> Advice:
+    """Return which model suits, from runs of all of them; as `triboflux.advice.advise` does.
+
+    Parameters
+    ----------
+    case : Case
+        What was run.
+    found : dict of str to ModelRun
+        By model.
+    """
+    beyond = outside(case.numbers, case.closures)
+    if beyond is not None:
+        reason = f"{beyond.reason}: no model is judged against the full one."
+        return Advice("full", (reason,), (), "none")
+    full = found[REFERENCE]
+    if full.status != OK:
+        reason = f"No reduced model can be judged: the full model: {full.reason}."
+        return Advice("full", (reason,), (), "none")
+    if full.stop_time is None and case.run.stop_at_peak_charge is not None:
+        reason = f"{NOT_HALVED}: the largest charge has not fallen by t = {case.run.t_end:g}"
+        return Advice("full", (f"No reduced model can be judged: {reason}.",), (), "none")
+    errors = tuple(
+        ModelError(name, OK, error, error, error)
+        if (error := found[name].error) is not None
+        else ModelError(name, _status(found[name]))
+        for name in CHEAPEST_FIRST
+    )
+    model, reasons = choice(ModelErrors(OK, models=errors), "computed")
+    return Advice(model, reasons, errors, "computed")
+
+
+def _status(run: ModelRun) -> str:
+    return run.status if run.status != OK else "without a state at this time"
