@@ -11,7 +11,7 @@ from triboflux.advice import TOLERANCE, Advice
 from triboflux.assessment import assess, regime_of
 from triboflux.assessment_text import MEANINGS
 from triboflux.case import MODEL_NAMES, Case
-from triboflux.explorer.live import REFERENCE, ModelRun
+from triboflux.explorer.live import NOT_JUDGED, REFERENCE, ModelRun
 from triboflux.model_errors import OK, ModelError, percent
 from triboflux.rates import ClosureRates, scaled_rates, transfer_warnings
 from triboflux.scales import Scales
@@ -153,6 +153,7 @@ def advice_words(advice: Advice, case: Case, found: Mapping[str, ModelRun]) -> d
         "full": "The full model is needed."
         if advice.errors
         else "The full model is on the safe side.",
+        NOT_JUDGED: "Only the drawn models were run.",
     }
     headline = headlines.get(advice.model, f"The {advice.model} model suits this case.")
     return {
@@ -171,7 +172,7 @@ def _correlations(error: ModelError | None) -> str:
     """Return whether the correlation of charge and velocity matters."""
     if error is None or error.error is None:
         return ""
-    left_out = f"left out, the mean charge is wrong by {percent(error.error)}"
+    left_out = f"without them the mean charge is wrong by {_percent(error.error)}"
     if error.low is not None and error.low > TOLERANCE:
         return f"Correlations of charge and velocity matter here: {left_out}."
     if error.high is not None and error.high <= TOLERANCE:
@@ -181,14 +182,23 @@ def _correlations(error: ModelError | None) -> str:
 
 def _when(case: Case, run: ModelRun | None) -> str:
     """Return when the full model's run ends, scaled and, with a suspension, in seconds."""
-    if run is None or run.own is None:
+    if run is None or run.shown is None:
         return ""
-    end = float(run.own.dataset["time"].values[-1])
-    told = f"t* = {end:.5g}"
-    if case.suspension is not None:
-        told += f" ({format_quantity(end * Scales.of(case.suspension).time, 's')})"
+    told = f"t* = {stop_text(case, float(run.shown.dataset['time'].values[-1]))}"
     ended = run.reason if run.status == OK else f"{run.status}, {run.reason}"
     return f"The full model ends at {told}: {ended}."
+
+
+def _percent(error: float | None) -> str:
+    """Return an error in percent, as text, without a power of ten where it is more than all."""
+    return percent(error) if error is None or error < 1.0 else f"{100.0 * error:.0f} %"
+
+
+def stop_text(case: Case, time: float) -> str:
+    """Return a scaled time as text, with a suspension also in seconds."""
+    if case.suspension is None:
+        return f"{time:.4g}"
+    return f"{time:.4g} = {format_quantity(time * Scales.of(case.suspension).time, 's')}"
 
 
 def _row(name: str, error: ModelError | None, run: ModelRun | None) -> dict[str, Any]:
@@ -201,9 +211,9 @@ def _row(name: str, error: ModelError | None, run: ModelRun | None) -> dict[str,
         status = error.status if error is not None else "" if run is None else run.status
         return {"model": name, "text": status, "error": None, "suits": False}
     high = value if error is None or error.high is None else error.high
-    text = percent(value)
+    text = _percent(value)
     if error is not None and error.low != error.high:
-        text += f" ({percent(error.low)} to {percent(error.high)})"
+        text += f" ({_percent(error.low)} to {_percent(error.high)})"
     return {"model": name, "text": text, "error": value, "suits": high <= TOLERANCE}
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias, cast
 
 from triboflux.assessment import assess
 from triboflux.case import Case
@@ -25,6 +25,29 @@ SIZES = {NUMBERS: (10, 8), SUSPENSION: (21, 16)}
 
 UNKNOWN, REFUSED = "unknown", "refused"
 """Of a point that the table does not answer, and of one that is no allowed case."""
+
+
+_POINTS = 128
+
+Place: TypeAlias = tuple[int, int]
+
+
+class Cell(NamedTuple):
+    """What is known of a point of the map.
+
+    Attributes
+    ----------
+    model : str
+        The one that suits, ``"none"``, `UNKNOWN` or `REFUSED`.
+    why : str
+        A sentence.
+    run : bool
+        Whether all models were run for it.
+    """
+
+    model: str
+    why: str
+    run: bool
 
 
 @dataclass(frozen=True)
@@ -60,11 +83,12 @@ def axes_of(kind: str, wanted: object) -> tuple[Axis, Axis]:
         Two different names of fields with sliders; anything else gives the usual ones.
     """
     names = USUAL_AXES[kind]
-    if isinstance(wanted, list) and len(wanted) == 2:  # pyright: ignore[reportUnknownArgumentType]
-        first, second = (str(name) for name in wanted)  # pyright: ignore[reportUnknownVariableType]
-        if first != second and {first, second} <= set(choices(kind)):
-            names = (first, second)
-    return tuple(map(_axis, names, SIZES[kind]))  # pyright: ignore[reportReturnType]
+    given = cast("list[object]", wanted) if isinstance(wanted, list) else []
+    known = [name for name in choices(kind) if name in given]
+    if len(given) == len(known) == 2:
+        names = (str(given[0]), str(given[1]))
+    across, up = SIZES[kind]
+    return _axis(names[0], across), _axis(names[1], up)
 
 
 def choices(kind: str) -> list[str]:
@@ -97,7 +121,7 @@ def point_of(case_texts: dict[str, str], axes: tuple[Axis, Axis]) -> list[float 
     return [position(axis.name, case_texts[axis.name]) for axis in axes]
 
 
-def nearest_first(axes: tuple[Axis, Axis], point: list[float | None]) -> Iterator[tuple[int, int]]:
+def nearest_first(axes: tuple[Axis, Axis], point: Sequence[float | None]) -> Iterator[Place]:
     """Give the points of the map, those around the current case first."""
     sizes = [len(axis.values) for axis in axes]
     centre: list[int] = []
@@ -108,10 +132,17 @@ def nearest_first(axes: tuple[Axis, Axis], point: list[float | None]) -> Iterato
     yield from sorted(places, key=lambda p: (p[0] - centre[0]) ** 2 + (p[1] - centre[1]) ** 2)
 
 
-def judge(
-    case: Case, axes: tuple[Axis, Axis], place: tuple[int, int], check: Callable[[], None]
-) -> tuple[str, str]:
-    """Return the model that suits at a point of the map, and why.
+def judged(
+    case: Case,
+    axes: tuple[Axis, Axis],
+    point: Sequence[float | None],
+    cells: dict[Place, Cell],
+    check: Callable[[], None],
+) -> Iterator[None]:
+    """Fill in what is missing of a map, around the current case first.
+
+    Of a suspension all points are first looked up in the table, and then those that it does not
+    answer are run; of numbers by hand all are run.
 
     Parameters
     ----------
@@ -119,30 +150,55 @@ def judge(
         Everything else.
     axes : pair of Axis
         The plane.
-    place : pair of int
-        Indices of the point.
+    point : sequence of float or None
+        Where the current case is.
+    cells : dict
+        What is known already, by the indices of the point; it is added to.
     check : callable
         Raises `CancelledError` if nobody waits any longer.
 
-    Returns
-    -------
-    tuple of str
-        Name of a model, ``"none"``, `UNKNOWN` or `REFUSED`; and a sentence.
+    Yields
+    ------
+    None
+        After every point.
     """
-    changed: dict[str, Any] = {
-        axis.name.partition(".")[2]: axis.si(index) for axis, index in zip(axes, place, strict=True)
-    }
-    try:
-        if case.suspension is not None:
-            found = assess(
-                type(case.suspension)(**(case.suspension.model_dump() | changed)), case.closures
-            )
-            unknown = found.origin == "none" and found.model != "none"
-            return (UNKNOWN if unknown else found.model), found.reasons[-1]
-        numbers = case.numbers.model_dump() | changed
-        there = Case(**(case.model_dump() | {"numbers": numbers}))
-        every = {run.model: run for run in runs(there, models=CHEAPEST_FIRST, check=check)}
-    except InputError as error:
-        return REFUSED, str(error)
-    advice = advice_of(there, every)
-    return (advice.model if advice.errors else UNKNOWN), advice.reasons[-1]
+    looks = (_looked_up, _run) if case.suspension is not None else (_run,)
+    for look in looks:
+        for place in nearest_first(axes, point):
+            known = cells.get(place)
+            if known is not None and (look is _looked_up or known.model != UNKNOWN or known.run):
+                continue
+            check()
+            changed = {
+                axis.name.partition(".")[2]: axis.si(index)
+                for axis, index in zip(axes, place, strict=True)
+            }
+            try:
+                cells[place] = look(case, changed, check)
+            except InputError as error:
+                cells[place] = Cell(REFUSED, str(error), False)
+            yield
+
+
+def _looked_up(case: Case, changed: dict[str, float], check: Callable[[], None]) -> Cell:
+    """Return what the table says about a suspension."""
+    assert case.suspension is not None
+    fields: dict[str, Any] = case.suspension.model_dump() | changed
+    there = type(case.suspension)(**fields)
+    found = assess(there, case.closures)
+    unknown = found.origin == "none" and found.model != "none"
+    return Cell(UNKNOWN if unknown else found.model, found.reasons[-1], False)
+
+
+def _run(case: Case, changed: dict[str, float], check: Callable[[], None]) -> Cell:
+    """Return which model suits by running all of them along one dimension."""
+    tables = case.model_dump(exclude={"numbers"} if case.suspension is not None else set())
+    part = SUSPENSION if case.suspension is not None else NUMBERS
+    tables[part] |= changed
+    if case.grid.dimensions > 1:
+        tables["grid"] = {"points": [_POINTS]}
+        tables["initial"] = {"charge": [{"mode": [1], "sine": -1.0}]}
+    there = Case(**tables)
+    found = {run.model: run for run in runs(there, models=CHEAPEST_FIRST, check=check)}
+    advice = advice_of(there, found)
+    return Cell(advice.model if advice.errors else UNKNOWN, advice.reasons[-1], True)

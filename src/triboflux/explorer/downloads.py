@@ -7,12 +7,15 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from triboflux.case import Case
 from triboflux.compare import compare
-from triboflux.explorer.live import ModelRun
-from triboflux.result import Result
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from triboflux.result import Result
 
 KINDS = ("toml", "netcdf", "figure", "python")
 """What can be asked for."""
@@ -37,68 +40,49 @@ class Download:
     content: bytes
 
 
-def toml(run: ModelRun) -> Download:
-    """Return the case of a model's own run, for ``triboflux run``."""
-    text = _own(run).case.to_toml()
-    return Download("case.toml", "application/toml", text.encode())
+def toml(case: Case) -> Download:
+    """Return a case for ``triboflux run``."""
+    return Download("case.toml", "application/toml", case.to_toml().encode())
 
 
-def netcdf(run: ModelRun, units: str) -> Download:
-    """Return a model's own run as ``triboflux run`` would write it."""
-    result = _own(run).to_si() if units == "si" else _own(run)
+def netcdf(result: Result) -> Download:
+    """Return a result as ``triboflux run`` would write it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "result.nc"
         result.to_netcdf(path)
         return Download("result.nc", "application/x-netcdf", path.read_bytes())
 
 
-def python(run: ModelRun) -> Download:
-    """Return the lines of Python that make a model's own run."""
-    return Download("result.py", "text/x-python", python_lines(_own(run).case).encode())
+def python(case: Case) -> Download:
+    """Return the lines of Python that solve a case."""
+    return Download("result.py", "text/x-python", python_lines(case).encode())
 
 
-def figure(
-    run: ModelRun,
-    case: Case,
-    models: tuple[str, ...],
-    units: str,
-    time: int,
-    check: Callable[[], None],
-) -> Download:
-    """Return a figure of the package as PNG.
-
-    Parameters
-    ----------
-    run : ModelRun
-        Drawn at one of its times if no other model is chosen.
-    case : Case
-        Compared with all chosen models otherwise.
-    models : tuple of str
-        The chosen models.
-    units : str
-        ``"scaled"`` or ``"si"``.
-    time : int
-        Index of the output time.
-    check : callable
-        Raises `CancelledError` if nobody waits any longer.
-    """
-    if len(models) > 1:
-        from triboflux.compare_figure import compare_figure  # imports Matplotlib
-
-        comparison = compare(case, models, on_progress=lambda _: check())
-        drawn = compare_figure(comparison.to_si() if units == "si" else comparison)
-    else:
-        own = _own(run)
-        last = own.dataset.sizes["time"] - 1
-        drawn = (own.to_si() if units == "si" else own).plot(min(time, last))
+def png(figure: Figure) -> Download:
+    """Return a figure of the package."""
     file = io.BytesIO()
-    drawn.savefig(file, format="png", facecolor="white")
+    figure.savefig(file, format="png", facecolor="white")
     return Download("figure.png", "image/png", file.getvalue())
 
 
-def _own(run: ModelRun) -> Result:
-    assert run.own is not None
-    return run.own
+def compared(case: Case, models: tuple[str, ...], units: str, check: Callable[[], None]) -> Figure:
+    """Return the package's figure of several models at the same time.
+
+    Parameters
+    ----------
+    case : Case
+        To be run with all of them.
+    models : tuple of str
+        At least two.
+    units : str
+        ``"scaled"`` or ``"si"``.
+    check : callable
+        Raises `CancelledError` if nobody waits any longer.
+    """
+    from triboflux.compare_figure import compare_figure  # imports Matplotlib
+
+    comparison = compare(case, models, on_progress=lambda _: check())
+    return compare_figure(comparison.to_si() if units == "si" else comparison)
 
 
 def python_lines(case: Case) -> str:
@@ -126,10 +110,10 @@ def python_lines(case: Case) -> str:
 def _literal(value: Any) -> str:
     """Return a value as a literal of Python; inf has none of its own."""
     if isinstance(value, dict):
-        inner = ", ".join(f"{key!r}: {_literal(entry)}" for key, entry in value.items())  # pyright: ignore[reportUnknownVariableType]
+        inner = ", ".join(f"{key!r}: {_literal(entry)}" for key, entry in value.items())
         return f"{{{inner}}}"
     if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_literal, value))}]"  # pyright: ignore[reportUnknownArgumentType]
+        return f"[{', '.join(map(_literal, value))}]"
     if isinstance(value, float) and value in (float("inf"), float("-inf")):
         return f'float("{value}")'
     return repr(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -109,7 +110,7 @@ _PARTICLES = (
 
 _CASE = (
     Field("title", "Title", "", "case", hint="one line, kept in all files"),
-    Field("initial.waves", "Waves in the box", "1", "case", "", 1.0, 8.0, False),
+    Field("initial.waves", "Waves in the box", "1", "case"),
     Field("grid.dimensions", "Dimensions", "1", "case", options=("1", "2")),
     Field(
         "grid.points",
@@ -131,7 +132,7 @@ _CASE = (
 FIELDS = {field.name: field for field in (*_SEVEN, *_PARTICLES, *_CASE)}
 """All fields by name, in the order of the page."""
 
-USUAL_PRESET = presets.NAMES[0]
+USUAL_PRESET = "glass-beads"
 """What a suspension starts with."""
 
 _SUSPENSION_TEXTS = ("drag", "radial_distribution")
@@ -202,3 +203,9 @@ def position(name: str, text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
+
+
+def positions(texts: Mapping[str, str]) -> dict[str, float]:
+    """Return where texts stand on the sliders of their fields, by name."""
+    found = {name: position(name, texts[name]) for name in texts if FIELDS[name].low is not None}
+    return {name: place for name, place in found.items() if place is not None}

@@ -30,11 +30,14 @@ class Inputs:
         To be drawn, the most complete first.
     errors : dict of str to str
         A sentence by the name of the field that it stands at; the empty name is the whole form.
+    texts : dict of str to str
+        What stands in all fields.
     """
 
     case: Case | None
     models: tuple[str, ...] = ()
     errors: dict[str, str] = field(default_factory=dict[str, str])
+    texts: dict[str, str] = field(default_factory=dict[str, str])
 
 
 def read(values: Mapping[str, Any]) -> Inputs:
@@ -49,6 +52,7 @@ def read(values: Mapping[str, Any]) -> Inputs:
     """
     errors: dict[str, str] = {}
     texts = starts() | _texts(values.get("fields"))
+    given = dict(texts)
     models = _models(values.get("models"), errors)
     kind = SUSPENSION if values.get("kind") == SUSPENSION else NUMBERS
     for name, text in texts.items():
@@ -65,10 +69,10 @@ def read(values: Mapping[str, Any]) -> Inputs:
             told = str(error) if error.field is None else str(_alone(error))
             if name is None or name in errors or texts[name] == usual[name]:
                 errors[name or ""] = told
-                return Inputs(None, models, errors)
+                return Inputs(None, models, errors, given)
             # the others are looked at as if this one were right
             errors[name], texts[name] = told, usual[name]
-    return Inputs(None if errors else case, models, errors)
+    return Inputs(None if errors else case, models, errors, given)
 
 
 def _texts(given: object) -> dict[str, str]:

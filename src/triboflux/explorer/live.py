@@ -22,10 +22,15 @@ if TYPE_CHECKING:
     from triboflux.progress import Progress
     from triboflux.result import Result
 
-FRAMES = 41
+FRAMES = 31
 """Output times of a run; always as many, so that cases share their compiled programs."""
 REFERENCE = "full"
 """The model that the others are measured against, as in `triboflux.suitability.MEASURE`."""
+
+LARGE = 2**13
+"""Points of a grid on which only the drawn models are run."""
+NOT_JUDGED = "undecided"
+"""The model of an advice where not all models were run."""
 
 _LATE = 0.9
 _locks: dict[Any, threading.Lock] = {}
@@ -49,10 +54,11 @@ class ModelRun:
         As `Result.status`, or ``"refused"``.
     reason : str
         Why its own run ended, or was refused.
-    own : Result or None
+    case : Case or None
         Its own run, as the stop rule ends it, with outputs at the times of the page.
     shown : Result or None
-        The same, or a run without stop rule, up to the last of these times.
+        Its states up to the last of these times, whatever its own run does; of a model that is not
+        drawn perhaps only the last one.
     stop_time : float or None
         When the stop rule ended its own run, scaled; None if it did not.
     error : float or None
@@ -62,7 +68,7 @@ class ModelRun:
     model: str
     status: str
     reason: str
-    own: Result | None = None
+    case: Case | None
     shown: Result | None = None
     stop_time: float | None = None
     error: float | None = None
@@ -70,7 +76,7 @@ class ModelRun:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences that the user must be told."""
-        return () if self.own is None else self.own.warnings
+        return () if self.shown is None else self.shown.warnings
 
 
 def runs(
@@ -88,9 +94,9 @@ def runs(
     case : Case
         Of any model; its outputs do not matter.
     first : tuple of str
-        Models to begin with, after the full one.
+        Models to begin with, after the full one: those that are drawn.
     models : tuple of str
-        All that are wanted besides.
+        All that are wanted besides, unless the grid is `LARGE`.
     check : callable
         Called between steps; raises `CancelledError` if nobody waits any longer.
     on_progress : callable, optional
@@ -107,17 +113,19 @@ def runs(
         If the case is refused with the full model.
     """
 
-    def solved(wanted: Case) -> Result:
-        return _solved(wanted, check, on_progress)
+    def solve(wanted: Case) -> Result:
+        return solved(wanted, check, on_progress)
 
-    reference = _reference(case, solved)
+    reference = _reference(case, solve)
     yield reference
-    assert reference.own is not None
-    times = tuple(map(float, reference.own.dataset["time"].values))
-    others = [name for name in (*first, *models) if name != REFERENCE]
+    assert reference.shown is not None
+    times = tuple(map(float, reference.shown.dataset["time"].values))
+    wanted = (*first, *models) if case.grid.size <= LARGE else first
+    others = [name for name in wanted if name != REFERENCE]
     for name in dict.fromkeys(others):
         check()
-        yield _other(with_changes(case, model=name), times, reference.own, solved)
+        own = with_changes(case, model=name)
+        yield _other(own, times, reference.shown, solve, drawn=name in first)
 
 
 def _reference(case: Case, solved: Callable[[Case], Result]) -> ModelRun:
@@ -125,42 +133,79 @@ def _reference(case: Case, solved: Callable[[Case], Result]) -> ModelRun:
     end = case.run.t_end
     case = with_changes(case, model=REFERENCE)
     if case.run.stop_at_peak_charge is not None:
-        late = with_changes(case, run={"outputs": np.linspace(_LATE * end, end, FRAMES).tolist()})
-        end = float(solved(late).dataset["time"].values[-1])
+        end = float(solved(_late(case, None)).dataset["time"].values[-1])
     times = np.linspace(0.0, end, FRAMES).tolist() if end > 0.0 else [0.0]
     own = solved(with_changes(case, run={"outputs": times}))
     stopped = end if end < case.run.t_end and own.status == OK else None
-    return ModelRun(REFERENCE, own.status, own.stop_reason, own, own, stopped, 0.0)
+    return ModelRun(REFERENCE, own.status, own.stop_reason, own.case, own, stopped, 0.0)
+
+
+def _late(case: Case, first: float | None) -> Case:
+    """Return a case whose outputs lie so late that few are made before a stop rule ends its run.
+
+    Parameters
+    ----------
+    case : Case
+        With any outputs.
+    first : float or None
+        A time that has to be among them.
+    """
+    end = case.run.t_end
+    begin = _LATE * end if first is None else max(_LATE * end, 0.5 * (first + end))
+    times = np.linspace(begin, end, FRAMES if first is None else FRAMES - 1).tolist()
+    return with_changes(case, run={"outputs": times if first is None else [first, *times]})
 
 
 def _other(
-    case: Case, times: tuple[float, ...], reference: Result, solved: Callable[[Case], Result]
+    case: Case,
+    times: tuple[float, ...],
+    reference: Result,
+    solved: Callable[[Case], Result],
+    *,
+    drawn: bool,
 ) -> ModelRun:
-    """Return another model's own run, and a longer one if that ends before the last time."""
+    """Return how another model's own run ends, and what it shows up to the last time."""
+    last, end = times[-1], case.run.t_end
+    own_case = with_changes(case, run={"outputs": times})
     try:
-        own = shown = solved(with_changes(case, run={"outputs": times}))
+        shown = own = solved(_late(case, last) if 0.0 < last < end else own_case)
     except InputError as error:
-        return ModelRun(case.model, "refused", str(error))
-    end = float(own.dataset["time"].values[-1])
-    stopped = end if own.status == OK and end < case.run.t_end else None
-    if stopped is not None and end < times[-1]:
-        # a stop value that is never reached needs no other compiled program
-        longer = {"t_end": times[-1], "outputs": times, "stop_at_peak_charge": SMALLEST}
-        shown = solved(with_changes(case, run=longer))
-    at_end = np.flatnonzero(shown.dataset["time"].values == times[-1])
+        return ModelRun(case.model, "refused", str(error), None)
+    own_end = float(own.dataset["time"].values[-1])
+    stopped = own_end if own.status == OK and own_end < end else None
+    if 0.0 < last < end and (drawn or own_end < last):
+        if own.status != OK and own_end < last:
+            shown = solved(own_case)
+        else:
+            # a stop value that is never reached needs no other compiled program
+            longer: dict[str, Any] = {"t_end": last, "outputs": times}
+            if case.run.stop_at_peak_charge is not None:
+                longer["stop_at_peak_charge"] = SMALLEST
+            shown = solved(with_changes(case, run=longer))
+    at_end = np.flatnonzero(shown.dataset["time"].values == last)
     error = None
-    if at_end.size and shown.status == OK:
+    if at_end.size and (shown.status == OK or own_end >= last):
         charge = shown.dataset["charge"].values[at_end[0]]
         error = relative_errors(charge, reference.dataset["charge"].values[-1]).rms
-    return ModelRun(case.model, own.status, own.stop_reason, own, shown, stopped, error)
+    return ModelRun(case.model, own.status, own.stop_reason, own_case, shown, stopped, error)
 
 
-def _solved(
+def solved(
     case: Case,
     check: Callable[[], None],
-    on_progress: Callable[[str, Progress], None] | None,
+    on_progress: Callable[[str, Progress], None] | None = None,
 ) -> Result:
-    """Solve a case; of the first callers of a program all but one wait until it is compiled."""
+    """Solve a case; of the first callers of a program all but one wait until it is compiled.
+
+    Parameters
+    ----------
+    case : Case
+        What to solve.
+    check : callable
+        Called between segments of steps; raises `CancelledError` if nobody waits any longer.
+    on_progress : callable, optional
+        Called with the model's name and its progress.
+    """
     from triboflux.solve import solve  # imports JAX
 
     def report(progress: Progress) -> None:
@@ -200,6 +245,9 @@ def advice_of(case: Case, found: dict[str, ModelRun]) -> Advice:
     if beyond is not None:
         reason = f"{beyond.reason}: no model is judged against the full one."
         return Advice("full", (reason,), (), "none")
+    if not set(CHEAPEST_FIRST) <= set(found):
+        reason = f"On more than {LARGE} points only the drawn models are run."
+        return Advice(NOT_JUDGED, (reason,), (), "none")
     full = found[REFERENCE]
     if full.status != OK:
         reason = f"No reduced model can be judged: the full model: {full.reason}."

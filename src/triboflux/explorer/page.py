@@ -25,7 +25,9 @@ class Bridge(JSComponent):
 
     def __init__(self, **params: Any) -> None:
         super().__init__(**params)
-        self._document = pn.state.curdoc
+        document = pn.state.curdoc
+        assert document is not None
+        self._document = document
         self._session = Session(self.tell)
         pn.state.on_session_destroyed(lambda _: self._session.end())
 

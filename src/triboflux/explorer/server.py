@@ -22,6 +22,7 @@ ADDRESS = "127.0.0.1"
 """Only programs of this machine reach it."""
 
 _LARGEST_PORT = 65535
+_TURN = 1e-3
 _MISSING = (
     "the explorer needs the package panel, which is not installed; "
     "pip install 'triboflux[explorer]' brings it."
@@ -52,6 +53,8 @@ def command(port: int | None, *, browser: bool, quiet: bool) -> None:
     from triboflux.terminal import use_compilation_cache
 
     use_compilation_cache()
+    # messages are sent while another thread computes, and each would wait for its turn
+    sys.setswitchinterval(_TURN)
     server = make_server(port)
     address = f"http://{ADDRESS}:{port}/"
     loop = asyncio.get_event_loop()
@@ -91,7 +94,7 @@ def _free(port: int | None) -> int:
 
 def _require_panel() -> None:
     try:
-        import panel  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        import panel  # noqa: F401
     except ImportError:
         raise TribofluxError(_MISSING) from None
 
@@ -138,10 +141,10 @@ def _warm(check: Any) -> None:
     """Run every model once, as the page's first request does."""
     from triboflux.explorer.inputs import read
     from triboflux.explorer.live import runs
-    from triboflux.explorer.profiles import budget_of, line_of
+    from triboflux.explorer.profiles import Drawing
 
     inputs = read({"models": ["full"]})
     assert inputs.case is not None
     for run in runs(inputs.case, check=check):
         if run.shown is not None:
-            budget_of(run.shown, line_of(run.shown), 0.0)
+            Drawing.of(run.shown).budget(run.shown, 0.0)

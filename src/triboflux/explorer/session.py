@@ -13,9 +13,9 @@ import numpy as np
 from triboflux.case import CLOSURE_NAMES, Case
 from triboflux.errors import InputError, TribofluxError, require_one_of
 from triboflux.explorer import answer, chart, downloads, profiles
-from triboflux.explorer.fields import described, position, preset_texts
+from triboflux.explorer.fields import USUAL_PRESET, described, positions, preset_texts
 from triboflux.explorer.inputs import MOST_MODELS, Inputs, read
-from triboflux.explorer.live import ModelRun, advice_of, runs
+from triboflux.explorer.live import NOT_JUDGED, REFERENCE, ModelRun, advice_of, runs, solved
 from triboflux.explorer.worker import DETAIL, FILE, LIVE, MAP, Check, Worker
 from triboflux.presets import NAMES as PRESETS
 
@@ -51,7 +51,7 @@ class Session:
         self._values: dict[str, Any] = {}
         self._found: dict[str, ModelRun] = {}
         self._plane = ""
-        self._cells: dict[tuple[int, int], tuple[str, str]] = {}
+        self._cells: dict[chart.Place, chart.Cell] = {}
         self._guard = threading.Lock()
 
     def end(self) -> None:
@@ -89,6 +89,7 @@ class Session:
             models=answer.model_words(),
             closures=answer.closure_words(),
             presets=list(PRESETS),
+            usual_preset=USUAL_PRESET,
             most_models=MOST_MODELS,
             axes={kind: chart.choices(kind) for kind in chart.USUAL_AXES},
             usual_axes={kind: list(names) for kind, names in chart.USUAL_AXES.items()},
@@ -116,8 +117,7 @@ class Session:
             require_one_of("closures", values.get("closures", "derived"), CLOSURE_NAMES)
         except InputError as error:
             errors["closures"] = str(error)
-        texts = cast("dict[str, str]", values.get("fields") or {})
-        places = {name: place for name, place in _positions(texts).items() if place is not None}
+        places = positions(inputs.texts)
         self._tell("checked", asked=asked, errors=errors, positions=places)
         if inputs.case is None or errors:
             self._worker.cancel()
@@ -130,14 +130,42 @@ class Session:
         case = inputs.case
         assert case is not None
         began = time.perf_counter()
-        units = "si" if values.get("units") == "si" and case.suspension is not None else "scaled"
+        units = _units(case, values)
         known = answer.at_once(case)
         self._tell("known", asked=asked, **known)
         found: dict[str, ModelRun] = {}
-        reference: Result | None = None
-        last = 0.0
+        drawing: profiles.Drawing | None = None
+        all_drawn = False
+        report = self._reporter(asked)
+        for run in runs(case, inputs.models, check=check, on_progress=report):
+            check()
+            found[run.model] = run
+            if drawing is None:
+                assert run.shown is not None
+                drawing = profiles.Drawing.of(_in(run.shown, units))
+                self._tell("frame", asked=asked, **drawing.told())
+            self._tell("run", asked=asked, **_told(run, case))
+            if run.model in inputs.models and run.shown is not None:
+                drawn = drawing.frames(_in(run.shown, units))
+                self._tell("profiles", asked=asked, model=run.model, values=drawn)
+            if not all_drawn and set(inputs.models) <= set(found):
+                all_drawn, self._found = True, found
+                self._tell("drawn", asked=asked, seconds=time.perf_counter() - began)
+        judged = advice_of(case, found)
+        advice = answer.advice_words(judged, case, found)
+        if judged.model == NOT_JUDGED and known["advice"] is not None:
+            advice = known["advice"] | {"when": advice["when"]}
+        shown = [found[name] for name in inputs.models]
+        warnings = list(dict.fromkeys([*known["warnings"], *answer.run_warnings(shown)]))
+        seconds = time.perf_counter() - began
+        self._tell("done", asked=asked, advice=advice, warnings=warnings, seconds=seconds)
+        self._worker.submit(MAP, partial(self._chart, asked, inputs, values))
 
-        def on_progress(model: str, progress: Progress) -> None:
+    def _reporter(self, asked: int) -> Callable[[str, Progress], None]:
+        """Return a callback that tells the page how far a run is, but not too often."""
+        last = time.perf_counter()
+
+        def report(model: str, progress: Progress) -> None:
             nonlocal last
             now = time.perf_counter()
             if now - last > _PROGRESS_EVERY:
@@ -147,55 +175,21 @@ class Session:
                     asked=asked,
                     model=model,
                     fraction=progress.fraction,
-                    time=progress.time,
                     steps=progress.steps,
                 )
 
-        for run in runs(case, inputs.models, check=check, on_progress=on_progress):
-            check()
-            found[run.model] = run
-            if reference is None:
-                assert run.own is not None
-                reference = _in(run.own, units)
-                line = profiles.line_of(reference)
-                times = reference.dataset["time"].values
-                self._tell(
-                    "frame",
-                    asked=asked,
-                    times=times.tolist(),
-                    x=profiles.positions(reference, line),
-                    axis=line.axis,
-                    panels=profiles.panels(reference),
-                    units=units,
-                    place={name: int(i) for name, i in line.place.items()},
-                )
-            self._tell("run", asked=asked, **_told(run))
-            if run.model in inputs.models and run.shown is not None:
-                drawn = profiles.frames(_in(run.shown, units), line, times)
-                self._tell("profiles", asked=asked, model=run.model, values=drawn)
-                self._found = found
-        advice = answer.advice_words(advice_of(case, found), case, found)
-        shown = [found[name] for name in inputs.models]
-        warnings = list(dict.fromkeys([*known["warnings"], *answer.run_warnings(shown)]))
-        self._found = found
-        self._tell(
-            "done",
-            asked=asked,
-            advice=advice,
-            warnings=warnings,
-            seconds=time.perf_counter() - began,
-        )
-        self._worker.submit(MAP, partial(self._chart, asked, case, values))
+        return report
 
-    def _chart(self, asked: int, case: Case, values: Mapping[str, Any], check: Check) -> None:
+    def _chart(self, asked: int, inputs: Inputs, values: Mapping[str, Any], check: Check) -> None:
         """Compute what is missing of the map, around the current case first."""
+        case = inputs.case
+        assert case is not None
         kind = "suspension" if case.suspension is not None else "numbers"
         axes = chart.axes_of(kind, values.get("axes"))
         plane = chart.plane_of(case, axes)
         if plane != self._plane:
             self._plane, self._cells = plane, {}
-        texts = {name: str(text) for name, text in values["fields"].items()}
-        point = chart.point_of(texts, axes)
+        point = chart.point_of(inputs.texts, axes)
 
         def tell() -> None:
             self._tell(
@@ -204,16 +198,11 @@ class Session:
                 axes=[{"name": a.name, "values": list(a.values)} for a in axes],
                 cells=[[i, j, *cell] for (i, j), cell in self._cells.items()],
                 point=point,
-                origin="table" if kind == "suspension" else "computed",
             )
 
         tell()
         told = time.perf_counter()
-        for place in chart.nearest_first(axes, point):
-            if place in self._cells:
-                continue
-            check()
-            self._cells[place] = chart.judge(case, axes, place, check)
+        for _ in chart.judged(case, axes, point, self._cells, check):
             if time.perf_counter() - told > _MAP_EVERY:
                 tell()
                 told = time.perf_counter()
@@ -224,17 +213,15 @@ class Session:
         self._worker.submit(DETAIL, partial(self._tell_budget, self._asked, model, frame))
 
     def _tell_budget(self, asked: int, model: str, frame: int, check: Check) -> None:
-        run, reference = self._found.get(model), self._found.get("full")
-        if run is None or run.shown is None or reference is None or reference.own is None:
+        run, reference = self._found.get(model), self._found.get(REFERENCE)
+        if run is None or run.shown is None or reference is None or reference.shown is None:
             return
         check()
-        times = reference.own.dataset["time"].values
-        time_of_page = float(times[min(max(frame, 0), times.size - 1)])
-        if time_of_page > float(run.shown.dataset["time"].values[-1]):
-            return
-        line = profiles.line_of(reference.own)
-        found = profiles.budget_of(run.shown, line, time_of_page)
-        self._tell("budget", asked=asked, **found)
+        times = reference.shown.dataset["time"].values
+        wanted = float(times[min(max(frame, 0), times.size - 1)])
+        if wanted <= float(run.shown.dataset["time"].values[-1]):
+            drawing = profiles.Drawing.of(reference.shown)
+            self._tell("budget", asked=asked, **drawing.budget(run.shown, wanted))
 
     def _download(self, message: Mapping[str, Any]) -> None:
         what, model = str(message.get("what")), str(message.get("model"))
@@ -244,45 +231,47 @@ class Session:
 
     def _tell_file(self, what: str, model: str, frame: int, check: Check) -> None:
         run, inputs = self._found.get(model), self._inputs
-        if run is None or run.own is None or inputs is None or inputs.case is None:
+        if run is None or run.case is None or inputs is None:
             self._tell("failure", sentence="There is no result to download.", asked=self._asked)
             return
-        suspended = inputs.case.suspension is not None
-        units = "si" if self._values.get("units") == "si" and suspended else "scaled"
+        units = _units(run.case, self._values)
         if what == "toml":
-            file = downloads.toml(run)
-        elif what == "netcdf":
-            file = downloads.netcdf(run, units)
+            file = downloads.toml(run.case)
         elif what == "python":
-            file = downloads.python(run)
+            file = downloads.python(run.case)
+        elif what == "figure" and len(inputs.models) > 1:
+            case = self._found[REFERENCE].case
+            assert case is not None
+            file = downloads.png(downloads.compared(case, inputs.models, units, check))
         else:
-            case = run.own.case
-            file = downloads.figure(run, case, inputs.models, units, frame, check)
+            result = _in(solved(run.case, check), units)
+            last = result.dataset.sizes["time"] - 1
+            netcdf = what == "netcdf"
+            file = (
+                downloads.netcdf(result)
+                if netcdf
+                else downloads.png(result.plot(min(max(frame, 0), last)))
+            )
         content = np.frombuffer(file.content, dtype=np.uint8)
         self._tell("file", name=file.name, type=file.kind, content=content)
+
+
+def _units(case: Case, values: Mapping[str, Any]) -> str:
+    """Return the units that the page wants, scaled ones where there are no others."""
+    return "si" if values.get("units") == "si" and case.suspension is not None else "scaled"
 
 
 def _in(result: Result, units: str) -> Result:
     return result.to_si() if units == "si" else result
 
 
-def _told(run: ModelRun) -> dict[str, Any]:
+def _told(run: ModelRun, case: Case) -> dict[str, Any]:
     """Return what the page says about a run."""
     return {
         "model": run.model,
         "status": run.status,
         "reason": run.reason,
         "stop_time": run.stop_time,
+        "stop_text": None if run.stop_time is None else answer.stop_text(case, run.stop_time),
         "error": run.error,
-    }
-
-
-def _positions(texts: Mapping[str, str]) -> dict[str, float | None]:
-    """Return where the texts stand on the sliders."""
-    from triboflux.explorer.fields import FIELDS
-
-    return {
-        name: position(name, texts[name])
-        for name, field in FIELDS.items()
-        if field.low is not None and isinstance(texts.get(name), str)
     }

@@ -36,6 +36,14 @@ export function shown(value, digits = 4) {
   return `${Number(mantissa)}e${Number(exponent)}`
 }
 
+const RAISED = {"-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴"}
+
+// Units and scales as people write them.
+export function pretty(unit) {
+  return unit.replace(/sqrt\(Theta\)/g, "√Θ").replace(/epsilon_0/g, "ε₀").replace(/Q0/g, "Q₀")
+    .replace(/\^/g, "").replace(/(?<=[A-Za-z₀])-?[1-4](?![\d.])/g, (power) => [...power].map((c) => RAISED[c]).join(""))
+}
+
 // Round numbers inside an interval, about as many as wanted.
 export function ticks(low, high, wanted = 4) {
   const span = high - low

@@ -3,6 +3,7 @@
 import {by, el, say, shown} from "./dom.js"
 
 const STEPS = 1000
+const NARROW = window.matchMedia("(max-width: 860px)")
 
 export class Form {
   constructor(setup, changed, wantPreset) {
@@ -17,18 +18,22 @@ export class Form {
     this.node.replaceChildren(
       this.kinds(), this.group("numbers", "The seven numbers", this.rows("numbers")),
       this.group("suspension", "The suspension", [
-        this.presets(setup.presets, wantPreset), this.units(), ...this.rows("suspension"),
+        this.presets(setup.presets, setup.usual_preset, wantPreset), this.units(), ...this.rows("suspension"),
         el("details", {}, el("summary", {}, "Gas, drag and packing"), ...this.rows("more")),
       ]),
       this.models(setup.models), this.closures(setup.closures),
-      this.group("case", "The case", this.rows("case")),
+      this.group("case", "The case", this.rows("case"), true),
     )
     this.note("", null)
     this.show()
   }
 
-  group(name, title, children) {
-    const node = el("fieldset", {id: `group-${name}`}, el("legend", {}, title), ...children)
+  // What is rarely changed is folded where room is scarce.
+  group(name, title, children, folded = false) {
+    const inner = folded
+      ? [el("details", {open: !NARROW.matches}, el("summary", {}, title), ...children)] : children
+    const legend = el("legend", {class: folded ? "aside" : ""}, title)
+    const node = el("fieldset", {id: `group-${name}`}, legend, ...inner)
     this.groups.set(name, node)
     return node
   }
@@ -42,7 +47,7 @@ export class Form {
       }}), label)
     return el(
       "fieldset", {class: "kinds"}, el("legend", {}, "Describe the case by"),
-      choice("numbers", "seven numbers", true), choice("suspension", "a powder in gas", false),
+      choice("suspension", "a powder in gas", true), choice("numbers", "seven numbers", false),
       el("p", {class: "error", id: "error-form", hidden: true}),
     )
   }
@@ -120,9 +125,9 @@ export class Form {
     for (const [name, text] of Object.entries(texts)) this.inputs.get(name).value = text
   }
 
-  presets(names, wantPreset) {
+  presets(names, usual, wantPreset) {
     this.preset = el("select", {id: "preset", onchange: () => wantPreset(this.preset.value)},
-      ...names.map((name) => el("option", {value: name}, name)))
+      ...names.map((name) => el("option", {value: name, selected: name === usual}, name)))
     return el("div", {class: "field"}, el("label", {for: "preset"}, "Preset"), this.preset)
   }
 
@@ -142,7 +147,7 @@ export class Form {
     })
     const node = this.group("models", `Models to draw (up to ${this.most})`,
       [...this.boxes.map(([, label]) => label),
-        el("p", {class: "error", id: "error-models", hidden: true})])
+        el("p", {class: "error", id: "error-models", hidden: true})], true)
     this.boxes = this.boxes.map(([box]) => box)
     return node
   }
@@ -156,7 +161,7 @@ export class Form {
     return this.group("closures", "Closures", [el("div", {class: "field"},
       el("label", {for: "closures"}, "Closure set"), this.closure,
       el("p", {class: "hint", id: "closures-hint"}, Object.values(words)[0]),
-      el("p", {class: "error", id: "error-closures", hidden: true}))])
+      el("p", {class: "error", id: "error-closures", hidden: true}))], true)
   }
 
   get kind() {

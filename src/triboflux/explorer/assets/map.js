@@ -76,14 +76,14 @@ export class Map2D {
     return (clash ? name.slice(0, 2) : name[0]).toUpperCase()
   }
 
-  take({axes, cells, point, origin}) {
+  take({axes, cells, point}, newest) {
     const another = !this.axes || this.axes.some((axis, i) => axis.name !== axes[i].name)
     this.axes = axes
     if (another) this.layOut()
     const [across, up] = axes.map((axis) => axis.values.length)
     const edge = (i, count) => Math.min(Math.max((i - 0.5) / (count - 1), 0), 1)
     const counts = new Map()
-    this.cells.replaceChildren(...cells.flatMap(([i, j, name, why]) => {
+    this.cells.replaceChildren(...cells.flatMap(([i, j, name, why, run]) => {
       counts.set(name, (counts.get(name) ?? 0) + 1)
       const x = this.toX(edge(i, across)), right = this.toX(edge(i + 1, across))
       const bottom = this.toY(edge(j, up)), y = this.toY(edge(j + 1, up))
@@ -98,12 +98,14 @@ export class Map2D {
     const told = [...counts].sort((a, b) => b[1] - a[1])
       .map(([name, count]) => `${OTHERS[name]?.[1] ?? name} ${Math.round((100 * count) / cells.length)} %`)
     const missing = cells.length < whole ? ` So far ${cells.length} of ${whole} points.` : ""
-    const source = origin === "table" ? "by the table of the package" : "by running all models at each point"
+    const looked = cells.filter(([, , name, , run]) => !run && name !== "refused").length
+    const source = looked === 0 ? "by running all models at each point"
+      : `by the table of the package${looked < cells.length ? " and, where that has no answer, by running all models" : ""}`
     say(by("map-words"), cells.length ? `Of this plane, ${source}: ${told.join(", ")}.${missing}` : "")
     this.cells.setAttribute("aria-label", by("map-words").textContent)
     by("map-legend").replaceChildren(...[...counts.keys()].map((name) => el("li", {},
       el("span", {class: `chip ${this.style(name)}`}, this.letter(name)), OTHERS[name]?.[1] ?? name)))
-    if (!this.held) this.place(point)
+    if (newest && !this.held) this.place(point)
   }
 
   layOut() {

@@ -104,7 +104,8 @@ class Page {
     by("numbers").replaceChildren(table(["number", "value", "equation"], known.numbers, "The seven numbers"))
     by("closure-table").replaceChildren(table(["symbol", "coefficient", "exact", "printed", "verdict"], known.closures, "Closure coefficients"))
     say(by("regime"), known.regime)
-    if (known.advice && !this.advised) this.answer(known.advice)
+    // what the table knows at once stands until the runs have an answer of their own
+    if (known.advice && (!this.advised || known.advice.model === "none")) this.answer(known.advice)
   }
 
   on_progress({asked, model, fraction, steps}) {
@@ -145,15 +146,21 @@ class Page {
     this.profiles.take(this.frame, new Map(order.map((name) => [name, this.values.get(name)])), this.runs)
   }
 
-  on_done({asked, advice, warnings, seconds}) {
+  on_drawn({asked}) {
     if (asked !== this.asked) return
     this.draw()
+    document.body.dataset.milliseconds = Math.round(performance.now() - this.began)
+  }
+
+  on_done({asked, advice, warnings, seconds}) {
+    if (asked !== this.asked) return
     this.advised = true
     this.answer(advice)
     by("warnings").replaceChildren(...(warnings.length ? [el("details", {open: warnings.length < 3},
       el("summary", {}, `${warnings.length} warning${warnings.length > 1 ? "s" : ""}`),
       el("ul", {}, ...warnings.map((sentence) => el("li", {}, sentence))))] : []))
     document.body.dataset.seconds = seconds.toFixed(3)
+    document.body.dataset.asked = asked
     say(by("status"), `${advice.headline} ${advice.correlations}`)
     this.finish(asked, "done")
   }
@@ -169,15 +176,15 @@ class Page {
       return [
         best ? el("strong", {}, `${model} ◀ take this`) : model,
         el("span", {class: "bar"}, el("span", {class: suits ? "good" : "bad", style: `width: ${100 * size}%`})),
-        text || "–", error === null ? "–" : suits ? "✓ suits" : "✗ too far off"]
+        text || "–", error === null ? "–" : suits ? "✓ yes" : "✗ no"]
     })
     by("rows").replaceChildren(table(
-      ["model", "error of the mean charge", "", `within ${100 * advice.tolerance} %`], rows,
+      ["model", "error of the mean charge", "(bars: logarithmic)", `within ${100 * advice.tolerance} %`], rows,
       advice.origin === "table" ? "Errors from the table of the package" : "Errors against the full model"))
   }
 
   on_map(found) {
-    if (found.asked >= this.asked - 1) this.map.take(found)
+    if (found.asked >= this.asked - 1) this.map.take(found, found.asked === this.asked && !this.waiting)
   }
 
   wantBudget(resting) {

@@ -3,7 +3,7 @@
 import {shown, svg, ticks} from "./dom.js"
 
 const WIDTH = 430, HEIGHT = 218
-const LEFT = 58, RIGHT = 10, TOP = 26, BOTTOM = 34
+const LEFT = 58, RIGHT = 16, TOP = 26, BOTTOM = 34
 
 export function extent(arrays) {
   let low = Infinity, high = -Infinity

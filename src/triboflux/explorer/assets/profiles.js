@@ -1,6 +1,6 @@
 // The profiles of up to three models over time: panels, legend, player, and the same in numbers.
 
-import {by, el, say, shown, table} from "./dom.js"
+import {by, el, pretty, say, shown, table} from "./dom.js"
 import {Panel, extent, range} from "./plot.js"
 
 const EVERY = 70
@@ -44,7 +44,7 @@ export class Profiles {
     const {panels, x, units, axis} = this.frame
     const xLabel = units === "si" ? `${axis} in m` : `${axis}/L`
     this.panels = panels.map((about) => {
-      const panel = new Panel(`${about.symbol}  ${about.title}`, `in ${about.unit}`)
+      const panel = new Panel(`${about.symbol}  ${about.title}`, `in ${pretty(about.unit)}`)
       const drawn = this.models.filter((model) => this.values.get(model)[about.name])
       const lines = drawn.map((model) => ({name: model, style: this.style(model)}))
       if (about.name === "charge") lines.unshift({name: "initial", style: "initial"})
@@ -56,7 +56,7 @@ export class Profiles {
     by("legend").replaceChildren(
       ...this.models.map((model) => {
         const run = this.runs.get(model)
-        const stopped = run?.stop_time ? `, own stop at t* = ${shown(run.stop_time)}` : ""
+        const stopped = run?.stop_text ? `, stops at t* = ${run.stop_text}` : ""
         const status = run && run.status !== "ok" ? `, ${run.status}` : ""
         return el("li", {}, el("span", {class: `swatch ${this.style(model)}`}), `${model}${stopped}${status}`)
       }),
@@ -86,7 +86,7 @@ export class Profiles {
         const [low, high] = range(values)
         told.push(low <= high ? `${model} from ${shown(low)} to ${shown(high)}` : `${model} has none`)
       }
-      panel.describe(`${about.title} ${about.symbol} along the box at ${this.timeText()}, in ${about.unit}: ${told.join("; ")}.`)
+      panel.describe(`${about.title} ${about.symbol} along the box at ${this.timeText()}, in ${pretty(about.unit)}: ${told.join("; ")}.`)
     }
     this.tell()
     this.moved(this.timer === null)
