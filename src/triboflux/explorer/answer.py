@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from triboflux import audit, closures, models
 from triboflux.advice import TOLERANCE, Advice
@@ -42,8 +42,9 @@ _RATES = {
 def model_words() -> dict[str, str]:
     """Return what each model is, in the words of the function that builds it."""
     told: dict[str, str] = {}
+    builders = cast("Mapping[str, object]", models.REGISTRY)  # pyright: ignore[reportUnknownMemberType] -- of JAX types
     for name in MODEL_NAMES:
-        first = (inspect.getdoc(models.REGISTRY[name]) or "").partition("\n")[0]
+        first = (inspect.getdoc(builders[name]) or "").partition("\n")[0]
         told[name] = first.removeprefix("Return the ").rstrip(".")
     return told
 

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from triboflux.case import Case
 from triboflux.compare import compare
@@ -61,7 +61,7 @@ def python(case: Case) -> Download:
 def png(figure: Figure) -> Download:
     """Return a figure of the package."""
     file = io.BytesIO()
-    figure.savefig(file, format="png", facecolor="white")
+    figure.savefig(file, format="png", facecolor="white")  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in Matplotlib
     return Download("figure.png", "image/png", file.getvalue())
 
 
@@ -110,10 +110,11 @@ def python_lines(case: Case) -> str:
 def _literal(value: Any) -> str:
     """Return a value as a literal of Python; inf has none of its own."""
     if isinstance(value, dict):
-        inner = ", ".join(f"{key!r}: {_literal(entry)}" for key, entry in value.items())
+        table = cast("dict[str, Any]", value)
+        inner = ", ".join(f"{key!r}: {_literal(entry)}" for key, entry in table.items())
         return f"{{{inner}}}"
     if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_literal, value))}]"
+        return f"[{', '.join(map(_literal, cast('list[Any]', value)))}]"
     if isinstance(value, float) and value in (float("inf"), float("-inf")):
         return f'float("{value}")'
     return repr(value)

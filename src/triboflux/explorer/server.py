@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
 import os
 import signal
 import socket
@@ -94,7 +95,7 @@ def _free(port: int | None) -> int:
 
 def _require_panel() -> None:
     try:
-        import panel  # noqa: F401
+        importlib.import_module("panel")
     except ImportError:
         raise TribofluxError(_MISSING) from None
 
@@ -107,7 +108,7 @@ def make_server(port: int) -> Server:
     port : int
         A free one.
     """
-    from panel.io.server import get_server
+    from panel.io.server import get_server  # pyright: ignore[reportUnknownVariableType] -- untyped keywords in Panel
 
     from triboflux.explorer.page import page
 
@@ -138,13 +139,14 @@ def warm_up() -> None:
 
 
 def _warm(check: Any) -> None:
-    """Run every model once, as the page's first request does."""
+    """Run every model once; the first page begins at the other end, so that both compile."""
+    from triboflux.case import MODEL_NAMES
     from triboflux.explorer.inputs import read
     from triboflux.explorer.live import runs
     from triboflux.explorer.profiles import Drawing
 
     inputs = read({"models": ["full"]})
     assert inputs.case is not None
-    for run in runs(inputs.case, check=check):
+    for run in runs(inputs.case, models=MODEL_NAMES[::-1], check=check):
         if run.shown is not None:
             Drawing.of(run.shown).budget(run.shown, 0.0)
