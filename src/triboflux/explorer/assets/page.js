@@ -149,7 +149,7 @@ class Page {
   on_drawn({asked}) {
     if (asked !== this.asked) return
     this.draw()
-    document.body.dataset.milliseconds = Math.round(performance.now() - this.began)
+    document.body.dataset.drawn = asked
   }
 
   on_done({asked, advice, warnings, seconds}) {
