@@ -66,13 +66,21 @@ SHORT = {
 }
 """Symbols of the closure coefficients that the paper gives no letter."""
 
-_LETTERS = {"charge": "Q", "covariance": r"\mathbf{C}", "variance": "V"}
+_LETTERS = {
+    "charge": "Q",
+    "covariance": r"\mathbf{C}",
+    "variance": "V",
+    "covariance_flux": r"\mathbf{T}",
+    "covariance_flux_trace": "T_{mm}",
+}
 _VECTOR = {
     "E": r"\mathbf{E}",
     "C": r"\mathbf{C}",
     "∇": r"\nabla ",
     "·": r"\cdot ",
     "²": "^2",
+    "ᵀ": r"^\mathsf{T}",
+    "δ": r"\boldsymbol{\delta}\,",
     "|": r"\vert ",  # a bar would end the cell of a table
 }
 
@@ -120,22 +128,26 @@ def _cell(expression: Any) -> str:
     return rf"$\displaystyle {_latex(expression)}$"
 
 
+def _letters(name: str) -> str:
+    """Return the program's notation of an operator or a product as LaTeX."""
+    return "".join(_VECTOR.get(letter, letter) for letter in name)
+
+
 def _source(term: Term) -> str:
-    """Return the source of a term as LaTeX, and for a product as the program names it."""
-    if isinstance(term.source, str):
-        return _LETTERS[term.source]
-    return "".join(_VECTOR.get(letter, letter) for letter in term.source.name)
+    return _LETTERS[term.source] if isinstance(term.source, str) else _letters(term.source.name)
 
 
 def _applied(term: Term) -> str:
     """Return operator and source as LaTeX."""
     name, source = term.operator.name, _source(term)
+    if " + " in source or (" " in source and name != "1"):
+        source = f"({source})"
     if name == "1":
         return source
-    operator = "".join(_VECTOR.get(letter, letter) for letter in name)
     if name.endswith("E"):  # the field of the charge
-        return operator
-    return f"{operator}({source})" if " " in source else f"{operator}{source}"
+        return _letters(name)
+    operator = f"({_letters(name)})" if " + " in name else _letters(name)
+    return f"{operator}{source}"
 
 
 def _sum(terms: tuple[Term, ...]) -> str:
