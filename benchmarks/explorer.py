@@ -21,7 +21,6 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any, NamedTuple
-from unittest import mock
 
 from benchmarks.timing import ROOT, machine_facts, table, write_section
 
@@ -89,12 +88,12 @@ def chromium() -> Iterator[Any]:
         browser.close()
 
 
-def start(browser: Any) -> Start:
+def start(browser: Any, cache: dict[str, str]) -> Start:
     """Start the command and load the page once."""
     from tests.explorer import PATIENCE, Page, served
 
     began = perf_counter()
-    with served() as (_, address):
+    with served(environment=cache) as (_, address):
         printed = perf_counter() - began
         page = Page(browser, address)
         page.page.wait_for_selector("#rows table")
@@ -106,14 +105,16 @@ def start(browser: Any) -> Start:
     return Start(printed, usable, drawn)
 
 
-def answers(browser: Any, count: int) -> dict[str, list[tuple[float, float, float]]]:
+def answers(
+    browser: Any, cache: dict[str, str], count: int
+) -> dict[str, list[tuple[float, float, float]]]:
     """Move sliders of a warm page and return seconds until drawn, until judged, and of CPU."""
     import psutil
 
     from tests.explorer import Page, served
 
     found: dict[str, list[tuple[float, float, float]]] = {}
-    with served() as (server, address):
+    with served(environment=cache) as (server, address):
         page = Page(browser, address)
         page.done()
         process = psutil.Process(server.pid)
@@ -137,10 +138,10 @@ def answers(browser: Any, count: int) -> dict[str, list[tuple[float, float, floa
 def report(browser: Any, count: int) -> str:
     """Return tables of all that is measured, as Markdown."""
     with TemporaryDirectory() as folder:
-        cache = {"JAX_COMPILATION_CACHE_DIR": folder}
-        with mock.patch.dict("os.environ", cache):
-            starts = {"the very first": start(browser), "every later one": start(browser)}
-            moved = answers(browser, count)
+        # programs are kept there as they are in the user's folder
+        cache = {"TRIBOFLUX_CACHE_DIR": folder}
+        starts = {"the very first": start(browser, cache), "every later one": start(browser, cache)}
+        moved = answers(browser, cache, count)
     rows = [[name, *(f"{seconds:.1f}" for seconds in times)] for name, times in starts.items()]
     parts = [
         table(["start of `triboflux explore`, seconds until", *Start._fields], rows),
@@ -169,9 +170,9 @@ def report(browser: Any, count: int) -> str:
 
 def draw(browser: Any, folder: Path) -> None:
     """Write the pictures of the documents: a wide light page by numbers, a narrow dark one."""
-    from tests.explorer import Page, served
+    from tests.explorer import PATIENCE, Page, served
 
-    with served() as (_, address):
+    with served(environment={}) as (_, address):
         wide = Page(browser, address)
         wide.by_numbers(tau_c="8e-3")
         wide.page.uncheck("input[value=gradient]")
@@ -179,10 +180,10 @@ def draw(browser: Any, folder: Path) -> None:
         wide.page.wait_for_timeout(1000)
         wide.done()
         wide.page.locator("#time").fill("22")
-        wide.page.wait_for_function(
-            "!/So far/.test(document.getElementById('map-words').innerText)"
-        )
-        wide.page.set_viewport_size({"width": 1280, "height": 1560})
+        words = "document.getElementById('map-words').textContent"
+        wide.page.wait_for_function(f"{words} && !/So far/.test({words})", timeout=PATIENCE)
+        wide.page.set_viewport_size({"width": 1280, "height": 1420})
+        wide.page.evaluate("document.getElementById('inputs').scrollTo(0, 0)")
         wide.page.wait_for_timeout(500)
         wide.page.screenshot(path=folder / "explorer-wide.png")
         wide.close()

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.processes import surroundings
+from tests.processes import READS_CACHE_ONLY, surroundings
 
 CHROMIUM = shutil.which("chromium")
 PATIENCE = 240_000
@@ -22,11 +22,11 @@ needs_chromium = pytest.mark.skipif(
 
 
 @contextlib.contextmanager
-def served(*arguments):
-    """Give a running server and its address; it is stopped by Ctrl-C."""
+def served(*arguments, environment=READS_CACHE_ONLY):
+    """Give a running server and its address; it is stopped by Ctrl-C, whatever it computes."""
     server = subprocess.Popen(
         [sys.executable, "-m", "triboflux", "explore", "--no-browser", *arguments],
-        env=surroundings(),
+        env=surroundings(**environment),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -11,7 +11,7 @@ from triboflux.case import Case
 from triboflux.errors import InputError
 from triboflux.explorer.fields import FIELDS, NUMBERS, SUSPENSION, position
 from triboflux.explorer.live import advice_of, runs
-from triboflux.model_errors import CHEAPEST_FIRST
+from triboflux.model_errors import CHEAPEST_FIRST, POINTS
 from triboflux.sweep_values import ValueRange
 from triboflux.units import EXPECTED, to_si
 
@@ -26,8 +26,6 @@ SIZES = {NUMBERS: (10, 8), SUSPENSION: (21, 16)}
 UNKNOWN, REFUSED = "unknown", "refused"
 """Of a point that the table does not answer, and of one that is no allowed case."""
 
-
-_POINTS = 128
 
 Place: TypeAlias = tuple[int, int]
 
@@ -196,7 +194,8 @@ def _run(case: Case, changed: dict[str, float], check: Callable[[], None]) -> Ce
     part = SUSPENSION if case.suspension is not None else NUMBERS
     tables[part] |= changed
     if case.grid.dimensions > 1:
-        tables["grid"] = {"points": [_POINTS]}
+        tables["grid"] = {"points": [POINTS]}
+        tables["run"] |= {"adaptive_points": False}
         tables["initial"] = {"charge": [{"mode": [1], "sine": -1.0}]}
     there = Case(**tables)
     found = {run.model: run for run in runs(there, models=CHEAPEST_FIRST, check=check)}

@@ -9,6 +9,7 @@ from typing import Any
 
 from triboflux import presets
 from triboflux.drag import LAWS as DRAG_LAWS
+from triboflux.model_errors import POINTS
 from triboflux.numbers import Numbers
 from triboflux.radial_distribution import LAWS as RADIAL_LAWS
 from triboflux.suitability import RANGES
@@ -115,7 +116,7 @@ _CASE = (
     Field(
         "grid.points",
         "Points per dimension",
-        "128",
+        str(POINTS),
         "case",
         options=("32", "64", "128", "256", "512"),
     ),

@@ -10,6 +10,7 @@ from triboflux import presets
 from triboflux.case import MODEL_NAMES, Case
 from triboflux.errors import InputError, shown
 from triboflux.explorer.fields import FIELDS, NUMBERS, SUSPENSION, starts
+from triboflux.model_errors import POINTS
 
 MOST_MODELS = 3
 """How many models are drawn at a time."""
@@ -117,10 +118,13 @@ def _tables(kind: str, texts: Mapping[str, str], values: Mapping[str, Any]) -> d
     run: dict[str, Any] = {"t_end": _quantity(texts["run.t_end"])}
     if texts["run.stop_at_peak_charge"]:
         run["stop_at_peak_charge"] = _quantity(texts["run.stop_at_peak_charge"])
+    points = _whole(texts["grid.points"])
+    # few points are worked on as they are, so that all cases share the same compiled programs
+    run["adaptive_points"] = dimensions > 1 or points != POINTS
     tables: dict[str, Any] = {
         "title": texts["title"],
         "closures": values.get("closures", "derived"),
-        "grid": {"points": [_whole(texts["grid.points"])] * dimensions},
+        "grid": {"points": [points] * dimensions},
         "initial": {"charge": [{"mode": [waves] * dimensions, "sine": -1.0}]},
         "run": run,
     }
