@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from docutils import nodes
 from docutils.statemachine import StringList
 from sphinx.application import Sphinx
@@ -13,16 +11,6 @@ from .citation import citation
 from .commands import commands
 from .equations import coefficients, equations, rates, terms
 
-PAGES = Path(__file__).resolve().parents[1]
-
-
-def tutorials() -> str:
-    """Return the way to the tutorials, if they are there: a site without them builds faster."""
-    if not (PAGES / "tutorials" / "index.md").exists():
-        return ""
-    return "```{toctree}\n:caption: Tutorials\n:hidden:\n\ntutorials/index\n```"
-
-
 PIECES = {
     "citation": citation,
     "coefficients": coefficients,
@@ -30,7 +18,6 @@ PIECES = {
     "equations": equations,
     "rates": rates,
     "terms": terms,
-    "tutorials": tutorials,
 }
 """What a page can ask for, and the function that returns it as Markdown."""
 
