@@ -14,6 +14,7 @@ the 40 ms for which the page waits whether the slider moves on.
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -163,9 +164,20 @@ def report(browser: Any, count: int) -> str:
                 for label, times in moved.items()
             ],
         ),
-        f"{machine_facts()} By `python -m benchmarks.explorer --write`.",
+        f"{machine_facts()} By `python -m benchmarks.explorer --write`.{_disturbed()}",
     ]
     return "\n\n".join(parts)
+
+
+def _disturbed() -> str:
+    """Return a sentence if other programs kept the cores busy, as they would any page."""
+    load, cores = os.getloadavg()[1], os.cpu_count() or 1
+    if load <= cores:
+        return ""
+    return (
+        f" The load average was {load:.0f} on {cores} cores: others ran meanwhile, and times "
+        "are longer than they are alone; the CPU time is not."
+    )
 
 
 def draw(browser: Any, folder: Path) -> None:
@@ -182,7 +194,7 @@ def draw(browser: Any, folder: Path) -> None:
         wide.page.locator("#time").fill("22")
         words = "document.getElementById('map-words').textContent"
         wide.page.wait_for_function(f"{words} && !/So far/.test({words})", timeout=PATIENCE)
-        wide.page.set_viewport_size({"width": 1280, "height": 1420})
+        wide.page.set_viewport_size({"width": 1280, "height": 1690})
         wide.page.evaluate("document.getElementById('inputs').scrollTo(0, 0)")
         wide.page.wait_for_timeout(500)
         wide.page.screenshot(path=folder / "explorer-wide.png")

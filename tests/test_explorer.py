@@ -86,13 +86,14 @@ def test_from_one_to_three_models():
 
 def test_anything_may_come_from_a_browser():
     messages = [None, 3, "x", {}, {"kind": "__init__"}, {"kind": "download", "what": "../x"}]
+    messages += [{"kind": "budget", "frame": "x", "model": []}, {"kind": "preset", "preset": 3}]
     told = []
     session = Session(told.append)
     for message in messages:
         session.handle(message)
-    session.handle({"kind": "inputs", "asked": 1, "values": {"fields": 3, "models": {}}})
+    session.handle({"kind": "inputs", "asked": "x", "values": {"fields": 3, "models": {}}})
     session.end()
-    assert [message["kind"] for message in told] == ["checked"]
+    assert [message["kind"] for message in told] == ["failure", "checked"]
 
 
 def test_pickers_hold_what_is_registered():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -29,6 +28,8 @@ if TYPE_CHECKING:
 
 _PROGRESS_EVERY = 0.15
 """Seconds between two messages about how far a run is."""
+_REST, _PAUSE = 12, 0.025
+"""How many pauses, in seconds, before the map is computed."""
 _MAP_EVERY = 0.25
 """Seconds between two messages about the map while it is computed."""
 
@@ -46,13 +47,11 @@ class Session:
         self._send = send
         self._worker = Worker(self._tell_failure)
         self._asked = 0
-        self._case: Case | None = None
         self._inputs: Inputs | None = None
         self._values: dict[str, Any] = {}
         self._found: dict[str, ModelRun] = {}
         self._plane = ""
         self._cells: dict[chart.Place, chart.Cell] = {}
-        self._guard = threading.Lock()
 
     def end(self) -> None:
         """Let the thread of the page end."""
@@ -109,7 +108,7 @@ class Session:
 
     def _ask(self, message: Mapping[str, Any]) -> None:
         """Read the inputs; tell what is wrong at once, and run what is right."""
-        self._asked = asked = int(message.get("asked", 0))
+        self._asked = asked = _whole(message.get("asked"))
         values = dict(cast("Mapping[str, Any]", message.get("values") or {}))
         inputs = read(values)
         errors = dict(inputs.errors)
@@ -122,7 +121,7 @@ class Session:
         if inputs.case is None or errors:
             self._worker.cancel()
             return
-        self._inputs, self._values, self._case = inputs, values, inputs.case
+        self._inputs, self._values = inputs, values
         self._worker.submit(LIVE, partial(self._run, asked, inputs, values))
 
     def _run(self, asked: int, inputs: Inputs, values: Mapping[str, Any], check: Check) -> None:
@@ -201,6 +200,10 @@ class Session:
             )
 
         tell()
+        # while a slider moves, the cores are for the profiles
+        for _ in range(_REST):
+            check()
+            time.sleep(_PAUSE)
         told = time.perf_counter()
         for _ in chart.judged(case, axes, point, self._cells, check):
             if time.perf_counter() - told > _MAP_EVERY:
@@ -209,7 +212,7 @@ class Session:
         tell()
 
     def _budget(self, message: Mapping[str, Any]) -> None:
-        model, frame = str(message.get("model")), int(message.get("frame", -1))
+        model, frame = str(message.get("model")), _whole(message.get("frame"))
         self._worker.submit(DETAIL, partial(self._tell_budget, self._asked, model, frame))
 
     def _tell_budget(self, asked: int, model: str, frame: int, check: Check) -> None:
@@ -225,7 +228,7 @@ class Session:
 
     def _download(self, message: Mapping[str, Any]) -> None:
         what, model = str(message.get("what")), str(message.get("model"))
-        frame = int(message.get("frame", -1))
+        frame = _whole(message.get("frame"))
         if what in downloads.KINDS:
             self._worker.submit(FILE, partial(self._tell_file, what, model, frame))
 
@@ -254,6 +257,11 @@ class Session:
             )
         content = np.frombuffer(file.content, dtype=np.uint8)
         self._tell("file", name=file.name, type=file.kind, content=content)
+
+
+def _whole(value: object) -> int:
+    """Return a whole number as it is, and 0 for anything else."""
+    return value if isinstance(value, int) else 0
 
 
 def _units(case: Case, values: Mapping[str, Any]) -> str:

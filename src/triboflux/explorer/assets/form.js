@@ -67,7 +67,10 @@ export class Form {
         ...field.options.map((name) => el("option", {value: name}, name)))
     } else {
       input = el("input", {...common, type: "text", spellcheck: "false", maxlength: "400",
-        oninput: () => this.changed(false)})
+        oninput: () => {
+          if (input.value.trim() === "inf") this.place(field.name, Infinity)
+          this.changed(false)
+        }})
     }
     input.value = field.start
     this.inputs.set(field.name, input)
@@ -90,7 +93,7 @@ export class Form {
       },
     })
     this.sliders.set(field.name, slider)
-    this.place(field.name, Number.parseFloat(field.start))
+    this.place(field.name, field.start === "inf" ? Infinity : Number.parseFloat(field.start))
     return slider
   }
 
