@@ -1,4 +1,4 @@
-"""The state of a moment model: mean charge, charge-velocity covariance and charge variance."""
+"""The state of a moment model: mean charge, charge-velocity covariance, charge variance and more."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import equinox as eqx
 import jax
 from jaxtyping import Array
 
+from triboflux.hierarchy import RANKS
+
 # Every module with arrays imports this one: the equations are stiff and need double precision.
 jax.config.update("jax_enable_x64", True)
 
@@ -15,32 +17,35 @@ jax.config.update("jax_enable_x64", True)
 class Moments(eqx.Module):
     """Fields of the moments, or their Fourier coefficients.
 
-    As fields on a grid with points ``*x`` the shapes are ``[*x]``, ``[component, *x]`` and
-    ``[*x]``; as Fourier coefficients (`Grid.to_spectral`) ``[2, *modes]``, ``[component, 2,
-    *modes]`` and ``[2, *modes]``, real and imaginary parts along the axis of length two. A moment
-    that a model does not evolve, or a contribution that vanishes identically, is ``None``.
+    As fields on a grid with points ``*x`` the shapes are ``[*x]`` for scalars, ``[component, *x]``
+    for vectors and ``[component, component, *x]`` for symmetric tensors; as Fourier coefficients
+    (`Grid.to_spectral`) ``[..., 2, *modes]``, real and imaginary parts along the axis of length
+    two. A moment that a model does not evolve, or a contribution that vanishes identically, is
+    ``None``. `triboflux.hierarchy.RANKS` lists the moments in this order.
 
     Attributes
     ----------
     charge : Array or None
-        Mean charge Q, dimensionless, scaled by Q0.
+        Mean charge Q, a scalar, dimensionless, scaled by Q0.
     covariance : Array or None
-        Charge-velocity covariance C = ⟨ξ'c'⟩, dimensionless, scaled by Q0 √Θ.
+        Charge-velocity covariance C = ⟨ξ'c'⟩, a vector, dimensionless, scaled by Q0 √Θ.
     variance : Array or None
-        Charge variance V = ⟨ξ'ξ'⟩, dimensionless, scaled by Q0².
+        Charge variance V = ⟨ξ'ξ'⟩, a scalar, dimensionless, scaled by Q0².
+    covariance_flux : Array or None
+        Third-order moment T_ij = ⟨ξ'c'_i c'_j⟩, a tensor, dimensionless, scaled by Q0 Θ.
+    covariance_flux_trace : Array or None
+        Its trace T_mm = ⟨ξ'c'·c'⟩ over three dimensions, a scalar, scaled by Q0 Θ.
     """
 
     charge: Any = None
     covariance: Any = None
     variance: Any = None
+    covariance_flux: Any = None
+    covariance_flux_trace: Any = None
 
     def __add__(self, other: Moments) -> Moments:
         """Add two states moment by moment; ``None`` counts as zero."""
-        return Moments(
-            _add(self.charge, other.charge),
-            _add(self.covariance, other.covariance),
-            _add(self.variance, other.variance),
-        )
+        return Moments(*(_add(getattr(self, name), getattr(other, name)) for name in RANKS))
 
 
 def _add(left: Array | None, right: Array | None) -> Array | None:

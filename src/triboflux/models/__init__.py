@@ -5,6 +5,7 @@ from __future__ import annotations
 from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import InputError, nearest
+from triboflux.hierarchy import carries_trace
 from triboflux.models.coefficients import (
     TransportCoefficients,
     transport_coefficients,
@@ -14,9 +15,11 @@ from triboflux.models.full import full
 from triboflux.models.model import Model
 from triboflux.models.reduced import algebraic, collisional, gradient, semi_algebraic
 from triboflux.models.terms import Operator, Product, Term, evaluate
+from triboflux.models.third_order import third_order
 from triboflux.numbers import Numbers
 
 REGISTRY = {
+    "third-order": third_order,
     "full": full,
     "semi-algebraic": semi_algebraic,
     "algebraic": algebraic,
@@ -33,6 +36,7 @@ __all__ = [
     "TransportCoefficients",
     "build",
     "evaluate",
+    "trace_dimensions",
     "transport_coefficients",
     "validity",
 ]
@@ -73,4 +77,20 @@ def build(
         )
     if isinstance(closure_set, str):
         closure_set = closures.by_name(closure_set, numbers.restitution, exponent)
-    return REGISTRY[name](transport_coefficients(numbers, closure_set, dimensions))
+    n_t = trace_dimensions(name, closure_set, dimensions)
+    return REGISTRY[name](transport_coefficients(numbers, closure_set, dimensions, n_t))
+
+
+def trace_dimensions(name: str, closure_set: ClosureSet, dimensions: int) -> int:
+    """Return n_t, how many directions the trace of a third-order moment runs over.
+
+    Parameters
+    ----------
+    name : str
+        Of the model; one that evolves the trace evolves that over three dimensions.
+    closure_set : ClosureSet
+        Which decides for the others.
+    dimensions : int
+        Number of space dimensions.
+    """
+    return 3 if carries_trace(name) else closure_set.trace_dimensions(dimensions)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from triboflux.closures import ClosureSet
 from triboflux.errors import OutOfRangeError
+from triboflux.hierarchy import MODELS
 from triboflux.numbers import Numbers
 from triboflux.rates import scaled_rates, transfer_warnings
 
@@ -38,8 +39,12 @@ class TransportCoefficients(eqx.Module):
         K1.
     third_moment_trace : Scalar
         K1 + n_t K2.
+    third_moment_coupling : Scalar
+        K2.
     shear : Scalar
         G1.
+    divergence : Scalar
+        G2.
     covariance_dispersion : Scalar
         G1/K1, in front of ∇²C.
     divergence_dispersion : Scalar
@@ -65,7 +70,9 @@ class TransportCoefficients(eqx.Module):
     covariance_destruction: Scalar
     third_moment: Scalar
     third_moment_trace: Scalar
+    third_moment_coupling: Scalar
     shear: Scalar
+    divergence: Scalar
     covariance_dispersion: Scalar
     divergence_dispersion: Scalar
     variance_destruction: Scalar
@@ -81,7 +88,10 @@ class TransportCoefficients(eqx.Module):
 
 
 def transport_coefficients(
-    numbers: Numbers, closure_set: ClosureSet, dimensions: int
+    numbers: Numbers,
+    closure_set: ClosureSet,
+    dimensions: int,
+    trace_dimensions: int | None = None,
 ) -> TransportCoefficients:
     """Return the coefficients of the transport equations.
 
@@ -93,6 +103,8 @@ def transport_coefficients(
         Made for the restitution of `numbers`.
     dimensions : int
         Number of space dimensions of the grid, which `published` takes as that of a trace.
+    trace_dimensions : int, optional
+        n_t, instead of what the closure set takes.
 
     Returns
     -------
@@ -103,6 +115,7 @@ def transport_coefficients(
     k1, k2 = rates.third_moment, rates.third_moment_trace
     g1, g2 = rates.shear, rates.divergence
     n_t = closure_set.trace_dimensions(dimensions)
+    n_t = n_t if trace_dimensions is None else trace_dimensions
     trace_part = k2 * (2.0 * g1 + n_t * g2) / (k1 + n_t * k2)
     return TransportCoefficients(
         flux=1.0 + rates.collisional_flux,
@@ -114,7 +127,9 @@ def transport_coefficients(
         covariance_destruction=rates.covariance_destruction,
         third_moment=k1,
         third_moment_trace=k1 + n_t * k2,
+        third_moment_coupling=k2,
         shear=g1,
+        divergence=g2,
         covariance_dispersion=g1 / k1,
         divergence_dispersion=(g1 + g2 - trace_part) / k1,
         variance_destruction=rates.variance_destruction,
@@ -162,6 +177,7 @@ def validity(
     }
     first, *_ = positive
     contained = {
+        "third-order": tuple(positive),
         "full": tuple(positive),
         "semi-algebraic": (first, "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin"),
         "algebraic": (first,),
@@ -178,7 +194,7 @@ def validity(
     fraction = float(coefficients.transferred_fraction)
     warnings = list(transfer_warnings(fraction, closure_set.exponent, allow_out_of_range))
     growth = -float(coefficients.variance_destruction)
-    has_variance = model_name in ("full", "semi-algebraic")
+    has_variance = "variance" in MODELS[model_name].evolves
     if has_variance and (growth > 0.0 or (growth == 0.0 and fraction > 0.0)):
         origin = (
             "because the printed λ' = 12 is inverted"

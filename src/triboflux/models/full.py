@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from triboflux.hierarchy import MODELS
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.model import Model
@@ -159,7 +160,7 @@ def full(coefficients: TransportCoefficients) -> Model:
     """
     return Model(
         "full",
-        ("charge", "covariance", "variance"),
+        MODELS["full"].evolves,
         charge_terms(coefficients) + covariance_terms(coefficients) + variance_terms(coefficients),
         coefficients,
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from jaxtyping import Array
 
+from triboflux.hierarchy import MODELS
 from triboflux.models import terms as t
 from triboflux.models.coefficients import Scalar, TransportCoefficients
 from triboflux.models.full import charge_terms, covariance_terms, variance_terms
@@ -147,7 +148,7 @@ def semi_algebraic(c: TransportCoefficients) -> Model:
     """
     parts = closed_covariance(c)
     terms = closed_charge_terms(c, parts) + closed_variance_terms(c, parts)
-    return Model("semi-algebraic", ("charge", "variance"), terms, c, parts)
+    return Model("semi-algebraic", MODELS["semi-algebraic"].evolves, terms, c, parts)
 
 
 def algebraic(c: TransportCoefficients) -> Model:
@@ -177,7 +178,7 @@ def algebraic(c: TransportCoefficients) -> Model:
 
     return Model(
         "algebraic",
-        ("charge",),
+        MODELS["algebraic"].evolves,
         closed_charge_terms(c, parts),
         c,
         closures=(*parts, pointwise("variance", ALGEBRAIC_VARIANCE)),
@@ -197,7 +198,7 @@ def gradient(c: TransportCoefficients) -> Model:
         Of the equations.
     """
     parts = closed_covariance(c, (PRODUCTION,))
-    return Model("gradient", ("charge",), closed_charge_terms(c, parts), c, parts)
+    return Model("gradient", MODELS["gradient"].evolves, closed_charge_terms(c, parts), c, parts)
 
 
 def collisional(c: TransportCoefficients) -> Model:
@@ -208,4 +209,4 @@ def collisional(c: TransportCoefficients) -> Model:
     c : TransportCoefficients
         Of the equations.
     """
-    return Model("collisional", ("charge",), closed_charge_terms(c, ()), c)
+    return Model("collisional", MODELS["collisional"].evolves, closed_charge_terms(c, ()), c)

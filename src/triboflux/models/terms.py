@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from triboflux.calculus import Discretisation
+from triboflux.hierarchy import RANKS
 from triboflux.moments import Moments
 
 
@@ -24,37 +25,70 @@ from triboflux.moments import Moments
 class Operator:
     """A linear, isotropic operator with constant coefficients.
 
-    In Fourier space a vector splits into the scalar ``c = i k·C/|k|`` and a transverse rest. In
-    terms of scalars and these ``c`` every operator here is multiplication by a real number.
+    In Fourier space a vector C splits into the scalar ``c = i k·C/|k|`` and a transverse rest, and
+    a symmetric tensor T, with n = k/|k|, into the scalar ``n·T n``, the transverse part of
+    ``i T n``, and the traceless transverse rest (`triboflux.integrators.linear`). In terms of these
+    every operator here is multiplication by a real number, one for each helicity.
 
     Attributes
     ----------
     name : str
         Mathematical notation.
     symbol : Callable
-        |k| -> factor on scalars and on ``c``; at k = 0 it has to be finite.
+        |k| -> factor between scalar parts; at k = 0 it has to be finite.
     transverse : Callable
-        |k| -> factor on the transverse part of a vector.
+        |k| -> factor between transverse vectors.
     apply : Callable
         ``(discretisation, representation) -> representation``.
+    traceless : Callable
+        |k| -> factor between traceless transverse tensors.
     """
 
     name: str
     symbol: Callable[[Array], Array]
     transverse: Callable[[Array], Array]
     apply: Callable[[Discretisation, Array], Array]
+    traceless: Callable[[Array], Array] = lambda k: jnp.zeros_like(k)
+
+    @property
+    def symbols(self) -> tuple[Callable[[Array], Array], ...]:
+        """The factors by helicity: scalar parts, transverse vectors, traceless tensors."""
+        return self.symbol, self.transverse, self.traceless
 
 
 def _zero(k: Array) -> Array:
     return jnp.zeros_like(k)
 
 
+def _rows(apply: Callable[[Array], Array], field: Array) -> Array:
+    """Return what becomes of each component along the leading axis."""
+    return jnp.stack([apply(row) for row in field])
+
+
+def _symmetric_gradient(discretisation: Discretisation, vector: Array) -> Array:
+    """Return ∂_i C_j + ∂_j C_i."""
+    gradient = _rows(discretisation.gradient, vector)
+    return gradient + jnp.swapaxes(gradient, 0, 1)
+
+
+def _isotropic(scalar: Array, dimensions: int) -> Array:
+    """Return s δ_ij."""
+    zero, along = jnp.zeros_like(scalar), range(dimensions)
+    return jnp.stack([jnp.stack([scalar if i == j else zero for j in along]) for i in along])
+
+
 def _inverse(k: Array) -> Array:
     return jnp.where(k > 0.0, 1.0 / jnp.where(k > 0.0, k, 1.0), 0.0)
 
 
-IDENTITY = Operator("1", jnp.ones_like, jnp.ones_like, lambda _, f: f)
-LAPLACIAN = Operator("∇²", lambda k: -(k**2), lambda k: -(k**2), lambda d, f: d.laplacian(f))
+IDENTITY = Operator("1", jnp.ones_like, jnp.ones_like, lambda _, f: f, jnp.ones_like)
+LAPLACIAN = Operator(
+    "∇²",
+    lambda k: -(k**2),
+    lambda k: -(k**2),
+    lambda d, f: d.laplacian(f),
+    lambda k: -(k**2),
+)
 GRADIENT = Operator("∇", lambda k: -k, _zero, lambda d, f: d.gradient(f))
 DIVERGENCE = Operator("∇·", lambda k: k, _zero, lambda d, f: d.divergence(f))
 GRADIENT_OF_DIVERGENCE = Operator(
@@ -64,6 +98,25 @@ ELECTRIC_FIELD = Operator("E", _inverse, _zero, lambda d, f: d.electric_field(f)
 FIELD_DIVERGENCE = Operator(
     "∇·E", lambda k: jnp.where(k > 0.0, 1.0, 0.0), _zero, lambda d, f: d.without_mean(f)
 )
+DIVERGENCE_OF_TENSOR = Operator(
+    "∇·", lambda k: -k, lambda k: k, lambda d, f: _rows(d.divergence, f)
+)
+SYMMETRIC_GRADIENT = Operator("∇ + ∇ᵀ", lambda k: 2.0 * k, lambda k: -k, _symmetric_gradient)
+ISOTROPIC = Operator("δ", jnp.ones_like, _zero, lambda d, f: _isotropic(f, d.grid.dimensions))
+ISOTROPIC_DIVERGENCE = Operator(
+    "δ ∇·", lambda k: k, _zero, lambda d, f: _isotropic(d.divergence(f), d.grid.dimensions)
+)
+
+TRACES = {
+    IDENTITY: (IDENTITY, 1.0),
+    SYMMETRIC_GRADIENT: (DIVERGENCE, 2.0),
+    ISOTROPIC: (IDENTITY, 3.0),
+    ISOTROPIC_DIVERGENCE: (DIVERGENCE, 3.0),
+}
+"""Operator and factor that make the trace over three dimensions of what an operator makes.
+
+Of the identity on a tensor it is the identity on its trace.
+"""
 
 
 @dataclass(frozen=True)
@@ -105,7 +158,7 @@ class Term(eqx.Module):
     equation : str
         Equation number of the paper.
     moment : str
-        ``"charge"``, ``"covariance"`` or ``"variance"``: whose time derivative it adds to.
+        A name of `triboflux.hierarchy.RANKS`: whose time derivative it adds to.
     operator : Operator
         Applied to the source.
     source : str or Product
@@ -131,6 +184,10 @@ class Term(eqx.Module):
         return isinstance(self.source, str)
 
 
+DERIVED_FIELDS = ("charge_gradient", "electric_field", "variance_gradient")
+"""Vectors that products can read besides the moments."""
+
+
 def fields_of(
     discretisation: Discretisation, state: Moments, names: tuple[str, ...]
 ) -> list[Array]:
@@ -143,21 +200,24 @@ def fields_of(
     state : Moments
         In the representation of the discretisation.
     names : tuple of str
-        Among ``charge``, ``covariance``, ``variance``, ``charge_gradient``, ``electric_field``.
+        Moments, or among `DERIVED_FIELDS`.
     """
     derived = {
         "charge_gradient": lambda: discretisation.gradient(state.charge),
         "electric_field": lambda: discretisation.electric_field(state.charge),
+        "variance_gradient": lambda: discretisation.gradient(state.variance),
     }
     parts = [derived[n]() if n in derived else getattr(state, n) for n in names]
-    vectors = [name in ("covariance", *derived) for name in names]
+    ranks = [1 if n in derived else RANKS[n] for n in names]
     rows = [
-        part if is_vector else part[None] for part, is_vector in zip(parts, vectors, strict=True)
+        part[None] if rank == 0 else part.reshape((-1, *part.shape[rank:]))
+        for part, rank in zip(parts, ranks, strict=True)
     ]
     values = discretisation.values(jnp.concatenate(rows))
     results, at = [], 0
-    for row, is_vector in zip(rows, vectors, strict=True):
-        results.append(values[at : at + len(row)] if is_vector else values[at])
+    for part, rank, row in zip(parts, ranks, rows, strict=True):
+        piece = values[at : at + len(row)]
+        results.append(piece.reshape((*part.shape[:rank], *piece.shape[1:])))
         at += len(row)
     return results
 
@@ -211,7 +271,8 @@ def _product_sources(
     results, at = {}, 0
     for key, value, row in zip(products, values, rows, strict=True):
         piece = back[at : at + len(row)]
-        results[key] = piece if value.ndim > dimensions else piece[0]
+        components = value.shape[: value.ndim - dimensions]
+        results[key] = piece.reshape((*components, *piece.shape[1:]))
         at += len(row)
     return results
 

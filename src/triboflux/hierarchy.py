@@ -1,0 +1,102 @@
+"""The moments and the models by name: ranks of tensors, and who evolves or closes what.
+
+Everything that handles a state, a dataset or a checkpoint asks here which moments there are, so
+that a model with more of them needs no other change. Nothing here imports arrays.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+AXES = ("x", "y", "z")
+"""Of a box, and of the components of vectors and tensors."""
+
+RANKS = {
+    "charge": 0,
+    "covariance": 1,
+    "variance": 0,
+    "covariance_flux": 2,
+    "covariance_flux_trace": 0,
+}
+"""Rank of each moment; tensors are symmetric and have the components of the box's dimensions."""
+
+TRACES = {"covariance_flux": "covariance_flux_trace"}
+"""The moment that is a tensor's trace over three dimensions, whatever those of the box.
+
+Together they are the tensor of a three-dimensional state that is uniform in the other directions.
+"""
+
+
+class Known(NamedTuple):
+    """What a model knows.
+
+    Attributes
+    ----------
+    evolves : tuple of str
+        Moments that have an equation of their own, in the order of `RANKS`.
+    closes : tuple of str
+        Moments that follow algebraically.
+    """
+
+    evolves: tuple[str, ...]
+    closes: tuple[str, ...] = ()
+
+
+MODELS = {
+    "third-order": Known(
+        ("charge", "covariance", "variance", "covariance_flux", "covariance_flux_trace")
+    ),
+    "full": Known(("charge", "covariance", "variance")),
+    "semi-algebraic": Known(("charge", "variance"), ("covariance",)),
+    "algebraic": Known(("charge",), ("covariance", "variance")),
+    "gradient": Known(("charge",), ("covariance",)),
+    "collisional": Known(("charge",)),
+}
+"""The models, the most complete first."""
+
+
+def carries_trace(model: str) -> bool:
+    """Return whether a model evolves the three-dimensional trace of a third-order moment."""
+    return any(trace in MODELS[model].evolves for trace in TRACES.values())
+
+
+def components(moment: str, dimensions: int) -> dict[str, tuple[int, ...]]:
+    """Return the names and places of the different components of a moment.
+
+    A scalar and a vector are one variable of a dataset each, the latter with an axis of components.
+    A tensor is a variable for each pair of directions, of which symmetry leaves ``xx``, ``xy``,
+    ``yy`` in two dimensions.
+
+    Parameters
+    ----------
+    moment : str
+        A key of `RANKS`.
+    dimensions : int
+        Of the box.
+
+    Returns
+    -------
+    dict of str to tuple of int
+        Such as ``{"covariance_flux_xx": (0, 0)}``; places are empty but for tensors.
+    """
+    if RANKS[moment] < 2:
+        return {moment: ()}
+    return {
+        f"{moment}_{AXES[i]}{AXES[j]}": (i, j)
+        for i in range(dimensions)
+        for j in range(i, dimensions)
+    }
+
+
+def variables(model: str, dimensions: int) -> tuple[str, ...]:
+    """Return the variables of a dataset that hold the moments which a model evolves.
+
+    Parameters
+    ----------
+    model : str
+        A key of `MODELS`.
+    dimensions : int
+        Of the box.
+    """
+    moments = MODELS[model].evolves
+    return tuple(name for moment in moments for name in components(moment, dimensions))

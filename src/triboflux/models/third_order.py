@@ -1,0 +1,126 @@
+"""The third-order model: the full one with an equation for T_ij = ⟨ξ'c'_i c'_j⟩.
+
+The full model takes T_ij for what it is after many collisions, (3.7). Here it obeys the equation of
+which that is the steady solution without a field, docs/third-order.md:
+
+    ∂T_ij/∂t = −K1 T_ij − K2 T_mm δ_ij − G1 (∂_i C_j + ∂_j C_i) − G2 ∇·C δ_ij
+               + u (N_i E_j + N_j E_i),      N = −Dv_kin ∇V,
+
+and −∂_j T_ij takes the place of the dispersion of C. T_mm is the trace over three dimensions,
+whatever those of the box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from jaxtyping import Array, Float
+
+from triboflux.hierarchy import MODELS, TRACES
+from triboflux.models import terms as t
+from triboflux.models.coefficients import TransportCoefficients
+from triboflux.models.full import charge_terms, covariance_terms, variance_terms
+from triboflux.models.model import Model
+
+DISPERSION = "dispersion"
+"""Group of the covariance's terms that the divergence of T_ij stands for."""
+
+
+def _symmetric(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "d d *x"]:
+    """Return a_i b_j + a_j b_i."""
+    product = left[:, None] * right[None]
+    return product + product.swapaxes(0, 1)
+
+
+_GRADIENT_AND_FIELD = ("variance_gradient", "electric_field")
+GRADIENT_BY_FIELD = t.Product("∇V E + E ∇V", _GRADIENT_AND_FIELD, _symmetric)
+GRADIENT_ALONG_FIELD = t.Product("2 E·∇V", _GRADIENT_AND_FIELD, lambda g, e: 2.0 * t.dot(g, e))
+_TRACES_OF_PRODUCTS = {GRADIENT_BY_FIELD: GRADIENT_ALONG_FIELD}
+
+
+def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return the terms of the equation of T_ij, (A1) with (A11)."""
+
+    def term(
+        name: str, group: str, operator: t.Operator, source: str | t.Product, coefficient: object
+    ) -> t.Term:
+        return t.Term(name, group, "(A1)", "covariance_flux", operator, source, coefficient)  # pyright: ignore[reportArgumentType] -- a number or an array
+
+    return (
+        term(
+            "production by covariance gradient",
+            "production",
+            t.SYMMETRIC_GRADIENT,
+            "covariance",
+            -c.shear,
+        ),
+        term(
+            "production by covariance divergence",
+            "production",
+            t.ISOTROPIC_DIVERGENCE,
+            "covariance",
+            -c.divergence,
+        ),
+        term(
+            "electric force",
+            "electric force",
+            t.IDENTITY,
+            GRADIENT_BY_FIELD,
+            -c.electric_force / c.variance_flux_destruction,
+        ),
+        term("destruction", "destruction", t.IDENTITY, "covariance_flux", -c.third_moment),
+        term(
+            "destruction of the trace",
+            "destruction",
+            t.ISOTROPIC,
+            "covariance_flux_trace",
+            -c.third_moment_coupling,
+        ),
+    )
+
+
+def trace_of(term: t.Term) -> t.Term:
+    """Return the term of a tensor's three-dimensional trace that belongs to one of the tensor.
+
+    Parameters
+    ----------
+    term : Term
+        Of an equation of a moment in `triboflux.hierarchy.TRACES`.
+    """
+    operator, factor = t.TRACES[term.operator]
+    if isinstance(term.source, t.Product):
+        source: str | t.Product = _TRACES_OF_PRODUCTS[term.source]
+    else:
+        source = TRACES.get(term.source, term.source)
+    return replace(
+        term,
+        moment=TRACES[term.moment],
+        operator=operator,
+        source=source,
+        coefficient=factor * term.coefficient,
+    )
+
+
+def third_order(coefficients: TransportCoefficients) -> Model:
+    """Return the third-order model.
+
+    Parameters
+    ----------
+    coefficients : TransportCoefficients
+        Of the equations.
+    """
+    c = coefficients
+    kept = tuple(term for term in covariance_terms(c) if term.group != DISPERSION)
+    flux = t.Term(
+        "flux", DISPERSION, "(3.1)", "covariance", t.DIVERGENCE_OF_TENSOR, "covariance_flux", -1.0
+    )
+    tensor = covariance_flux_terms(c)
+    terms = (
+        *charge_terms(c),
+        *kept,
+        flux,
+        *variance_terms(c),
+        *tensor,
+        *map(trace_of, tensor),
+    )
+    return Model("third-order", MODELS["third-order"].evolves, terms, c)
