@@ -9,6 +9,7 @@ import numpy as np
 
 from triboflux import models
 from triboflux.calculus import FourierCalculus
+from triboflux.hierarchy import RANKS
 from triboflux.integrate import Settings, integrate
 from triboflux.integrators.finite_difference import FiniteDifferences
 from triboflux.moments import Moments
@@ -28,10 +29,10 @@ EVERYTHING = {
 }
 
 
-def full_model(numbers, closures="derived", dimensions=1, exponent=0.8):
+def full_model(numbers, closures="derived", dimensions=1, exponent=0.8, name="full"):
     """Return the full model with coefficients as arrays, so that compiled functions are reused."""
     model = models.build(
-        "full", Numbers(**numbers), closures, dimensions=dimensions, exponent=exponent
+        name, Numbers(**numbers), closures, dimensions=dimensions, exponent=exponent
     )
     return jax.tree.map(jnp.asarray, model)
 
@@ -48,12 +49,17 @@ def smooth_field(grid, highest, seed):
     return field.real / math.sqrt(parts[0].size)
 
 
-def smooth_state(grid, highest, seed=1):
+def smooth_state(grid, highest, seed=1, third_order=False):
     """Return random smooth moments; the same functions on every grid of the same lengths."""
-    charge, variance, *covariance = (
-        smooth_field(grid, highest, (seed, i)) for i in range(2 + grid.dimensions)
-    )
-    return Moments(jnp.asarray(charge), jnp.asarray(np.stack(covariance)), jnp.asarray(variance))
+    d = grid.dimensions
+    charge, variance, *covariance = (smooth_field(grid, highest, (seed, i)) for i in range(2 + d))
+    state = Moments(jnp.asarray(charge), jnp.asarray(np.stack(covariance)), jnp.asarray(variance))
+    if not third_order:
+        return state
+    trace, *tensor = (smooth_field(grid, highest, (seed, 9 + i)) for i in range(1 + d * d))
+    tensor = np.stack(tensor).reshape((d, d, *grid.points))
+    tensor = jnp.asarray(tensor + tensor.swapaxes(0, 1))
+    return state + Moments(covariance_flux=tensor, covariance_flux_trace=jnp.asarray(trace))
 
 
 def sine_state(grid):
@@ -94,7 +100,7 @@ def by_fourier(model, state, grid, t_end, rtol, atol, stop=None):
 def largest_difference(left, right):
     """Return max |left - right| / max |right| of arrays; of states, the largest of any moment."""
     if isinstance(left, Moments):
-        names = ("charge", "covariance", "variance")
+        names = [name for name in RANKS if getattr(right, name) is not None]
         pairs = [(getattr(left, name), getattr(right, name)) for name in names]
         # Unlike the built-in one, this maximum does not pass over NaN.
         return float(np.max([largest_difference(*pair) for pair in pairs]))

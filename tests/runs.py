@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
+from triboflux.hierarchy import RANKS
 from triboflux.integrate import Settings, advance, begin, integrate
 from triboflux.moments import Moments
 
@@ -23,13 +24,12 @@ def settings(t_end, rtol=1e-6, atol=None, *, outputs=None, peak=None, rate=None,
 
 
 def random_coefficients(grid, seed=0, evolves=("charge", "covariance", "variance")):
-    """Return Fourier coefficients of order one in every kept mode."""
+    """Return Fourier coefficients of order one in every kept mode; tensors are symmetric."""
     generator = np.random.default_rng(seed)
-    shapes = {
-        "charge": grid.points,
-        "covariance": (grid.dimensions, *grid.points),
-        "variance": grid.points,
-    }
     size = math.sqrt(math.prod(grid.points))
-    fields = {name: jnp.asarray(generator.normal(size=s) * size) for name, s in shapes.items()}
-    return Moments(**{name: grid.to_spectral(fields[name]) for name in evolves})
+    fields = {}
+    for name in evolves:
+        shape = (grid.dimensions,) * RANKS[name] + grid.points
+        field = generator.normal(size=shape) * size
+        fields[name] = field + np.swapaxes(field, 0, 1) if RANKS[name] == 2 else field
+    return Moments(**{name: grid.to_spectral(jnp.asarray(f)) for name, f in fields.items()})

@@ -12,6 +12,8 @@ from tests.fields import PAPER, full_model
 from tests.runs import random_coefficients
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
+from triboflux.hierarchy import RANKS
+from triboflux.integrators.isotropy import Part
 from triboflux.integrators.linear import DenseOperator, LinearOperator, block_operator
 from triboflux.models import Model, Term, evaluate
 from triboflux.models.terms import IDENTITY, LAPLACIAN
@@ -27,10 +29,13 @@ TIMES = (0.03, 0.7)
 grids = pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS.keys())
 
 
-def coupled_model(dimensions):
-    """Return the full model with every linear coupling switched on and of comparable size."""
+models = pytest.mark.parametrize("name", ["full", "third-order"])
+
+
+def coupled_model(dimensions, name="full"):
+    """Return a model with every linear coupling switched on and of comparable size."""
     sizes = {"peclet": 2e3, "tau_sigma": 0.8, "tau_p": 0.6, "tau_c": 0.03, "length_ratio": 30.0}
-    return full_model(PAPER | sizes, dimensions=dimensions)
+    return full_model(PAPER | sizes, dimensions=dimensions, name=name)
 
 
 @eqx.filter_jit
@@ -62,10 +67,11 @@ def dense_functions(matrix):
     return [expm(augmented)[:m, j * m : (j + 1) * m] for j in range(ORDER + 1)]
 
 
+@models
 @grids
-def test_operator_is_the_sum_of_the_linear_terms(grid):
-    model = coupled_model(grid.dimensions)
-    state = random_coefficients(grid)
+def test_operator_is_the_sum_of_the_linear_terms(grid, name):
+    model = coupled_model(grid.dimensions, name)
+    state = random_coefficients(grid, evolves=model.evolves)
     expected = eqx.filter_jit(evaluate)(model.linear_terms(), FourierCalculus(grid), state)
     found = applied(block_operator(model, grid), state)
     for name in model.evolves:
@@ -73,9 +79,20 @@ def test_operator_is_the_sum_of_the_linear_terms(grid):
         np.testing.assert_allclose(f, e, rtol=0, atol=1e-13 * float(jnp.max(jnp.abs(e))))
 
 
-@pytest.mark.parametrize("grid", [GRIDS["1-D"], GRIDS["2-D"]], ids=["1-D", "2-D"])
-def test_functions_are_those_of_the_dense_matrix(grid):
-    model, state = coupled_model(grid.dimensions), random_coefficients(grid)
+@pytest.mark.parametrize(
+    ("grid", "name"),
+    [
+        (GRIDS["1-D"], "full"),
+        (GRIDS["2-D"], "full"),
+        (GRIDS["1-D"], "third-order"),
+        (GRIDS["2-D"], "third-order"),
+        (Grid((3, 4, 3), (1.0, 0.5, 2.0)), "third-order"),
+    ],
+    ids=["1-D", "2-D", "1-D third-order", "2-D third-order", "3-D third-order"],
+)
+def test_functions_are_those_of_the_dense_matrix(grid, name):
+    model = coupled_model(grid.dimensions, name)
+    state = random_coefficients(grid, evolves=model.evolves)
     operator = block_operator(model, grid)
     matrix = dense_matrix(operator, state)
     functions = functions_of(operator, jnp.asarray(TIMES))
@@ -109,9 +126,10 @@ def test_missing_moments_count_as_zero():
     grid = GRIDS["2-D"]
     operator = block_operator(coupled_model(2), grid)
     state = random_coefficients(grid)
-    parts = [applied(operator, Moments(**{name: getattr(state, name)})) for name in vars(state)]
+    names = ("charge", "covariance", "variance")
+    parts = [applied(operator, Moments(**{name: getattr(state, name)})) for name in names]
     total, whole = parts[0] + parts[1] + parts[2], applied(operator, state)
-    for name in vars(state):
+    for name in names:
         np.testing.assert_allclose(
             getattr(total, name), getattr(whole, name), rtol=1e-12, atol=1e-12
         )
@@ -123,25 +141,46 @@ def test_blocks_are_made_once_per_distinct_wave_number():
     grid = Grid((12, 12), (1.0, 1.0))
     operator = block_operator(coupled_model(2), grid)
     squares = {m * m + n * n for m in range(-3, 4) for n in range(4)}
-    assert operator.blocks.shape == (2, 2, 2, len(squares))
+    # a pair that is coupled and two parts that are not
+    assert operator.entries.shape == (6, len(squares))
+    assert (operator.layout.size, operator.layout.count) == (2, 2)
     expanded, *_ = functions_of(operator, jnp.asarray(TIMES))
-    assert expanded.blocks.shape == (len(TIMES), 2, 2, 2, *grid.modes)
+    assert expanded.entries.shape == (len(TIMES), 6, *grid.modes)
+
+
+def test_tensors_need_no_larger_blocks_than_the_parts_that_turn_alike():
+    layout = block_operator(coupled_model(2, "third-order"), GRIDS["2-D"]).layout
+    blocks = {}
+    for entry in layout.entries:
+        blocks.setdefault(entry.block, set()).add(entry.source)
+    assert (layout.size, layout.count) == (4, 2)
+    names = ("charge", "covariance", "covariance_flux", "covariance_flux_trace")
+    assert blocks[0] == {Part(name, 0) for name in names}
+    assert len(layout.entries) == 16 + 4 + 1 + 1
 
 
 @grids
-@pytest.mark.parametrize("present", ["charge", "covariance", "variance", None])
-def test_sums_of_applied_operators(grid, present):
-    operator = block_operator(coupled_model(grid.dimensions), grid)
+@pytest.mark.parametrize(
+    ("name", "present"),
+    [
+        *(("full", moments) for moments in (["charge"], ["covariance"], ["variance"])),
+        ("full", ["charge", "covariance", "variance"]),
+        ("third-order", list(RANKS)),
+        ("third-order", ["covariance_flux", "variance"]),
+        ("third-order", ["covariance", "covariance_flux_trace"]),
+    ],
+)
+def test_sums_of_applied_operators(grid, name, present):
+    operator = block_operator(coupled_model(grid.dimensions, name), grid)
     times = jnp.asarray(TIMES)
     # Leading axes: two functions, and what is stacked already, two times.
     functions = jax.tree.map(lambda *a: jnp.stack(a), *functions_of(operator, times)[1:3])
-    whole = random_coefficients(grid)
-    state = whole if present is None else Moments(**{present: getattr(whole, present)})
+    state = random_coefficients(grid, evolves=present)
     states = jax.tree.map(lambda a: jnp.stack([a, -0.3 * a + 0.1]), state)
     found = eqx.filter_jit(lambda f, y: f.apply_all(y))(functions, states)
     expected = eqx.filter_jit(LinearOperator.apply_all)(functions, states)
-    for name in ("charge", "covariance", "variance"):
-        one, other = getattr(found, name), getattr(expected, name)
+    for moment in RANKS:
+        one, other = getattr(found, moment), getattr(expected, moment)
         assert (one is None) == (other is None)
         if one is not None:
             scale = float(jnp.abs(other).max())
@@ -161,7 +200,7 @@ def test_models_of_scalars_have_single_numbers():
     )
     model = Model("scalars", ("charge", "variance"), terms, coefficients)
     operator = block_operator(model, grid)
-    assert operator.blocks.shape[:3] == (1, 1, 2)
+    assert (operator.layout.size, operator.layout.count) == (1, 2)
     state = random_coefficients(grid, evolves=model.evolves)
     exponential = jax.tree.map(lambda leaf: leaf[0], functions_of(operator, jnp.asarray([0.5]))[0])
     after = exponential.apply(state)
@@ -177,12 +216,18 @@ def test_models_of_scalars_have_single_numbers():
     )
 
 
-def test_a_linear_coupling_of_the_variance_is_refused_by_name():
-    model = coupled_model(1)
-    odd = Term("leak", "leak", "", "variance", IDENTITY, "charge", 1.0)
-    broken = eqx.tree_at(lambda m: m.terms, model, (*model.terms, odd))
-    with pytest.raises(NotImplementedError, match="'leak' couples charge into variance"):
-        block_operator(broken, GRIDS["1-D"])
+def test_a_linear_coupling_that_no_model_has_finds_its_place():
+    grid = GRIDS["2-D"]
+    model = coupled_model(2)
+    odd = Term("leak", "leak", "", "variance", IDENTITY, "charge", 1.5)
+    leaking = eqx.tree_at(lambda m: m.terms, model, (*model.terms, odd))
+    state = random_coefficients(grid)
+    before, after = (applied(block_operator(m, grid), state) for m in (model, leaking))
+    np.testing.assert_allclose(after.variance - before.variance, 1.5 * state.charge, atol=1e-12)
+    np.testing.assert_array_equal(after.charge, before.charge)
+    # the variance drives nothing, so a function of the operator has no such entries
+    sources = {e.source for e in block_operator(leaking, grid).layout.entries if e.row != e.column}
+    assert Part("variance", 0) not in sources
 
 
 def test_dense_operator():

@@ -278,7 +278,7 @@ def _plus(left: Array | None, right: Array | None) -> Array | None:
 def _along(unit: list[Array], tensor: Float[Array, "d d 2 *modes"]) -> Float[Array, "d 2 *modes"]:
     """Return T n."""
     columns = zip(unit, jnp.swapaxes(tensor, 0, 1), strict=True)
-    return ft.reduce(lambda a, b: a + b, (u * column for u, column in columns))
+    return ft.reduce(lambda a, b: a + b, (u[None, None] * column for u, column in columns))
 
 
 def _times_i(vector: Float[Array, "d 2 *modes"]) -> Float[Array, "d 2 *modes"]:
@@ -307,7 +307,7 @@ def _axial(
     """Return the tensor s δ + p n n."""
     rows = []
     for i, row in enumerate(unit):
-        parts = [row * column * along for column in unit]
+        parts = [(row * column)[None] * along for column in unit]
         parts[i] = parts[i] + isotropic
         rows.append(jnp.stack(parts))
     return jnp.stack(rows)
@@ -318,5 +318,5 @@ def _symmetric(
 ) -> Float[Array, "d d 2 *modes"]:
     """Return n v + v n from the vector i v."""
     vector = jnp.stack([turned[:, 1], -turned[:, 0]], axis=1)
-    product = jnp.stack([u * vector for u in unit])
+    product = jnp.stack([u[None, None] * vector for u in unit])
     return product + jnp.swapaxes(product, 0, 1)
