@@ -14,6 +14,7 @@ from triboflux.case_kinetic import Kinetic
 from triboflux.case_text import case_table, case_text, read_case_file
 from triboflux.case_units import resolve_suspension
 from triboflux.errors import InputError
+from triboflux.hierarchy import MODELS
 from triboflux.numbers import Numbers
 from triboflux.suspension import Suspension
 from triboflux.validation import (
@@ -33,9 +34,11 @@ from triboflux.validation import (
     printable,
 )
 
-MODEL_NAMES = ("full", "semi-algebraic", "algebraic", "gradient", "collisional")
-"""Names of the transport models."""
-MODELS_WITH_VARIANCE = ("full", "semi-algebraic", "algebraic")
+MODEL_NAMES = tuple(MODELS)
+"""Names of the transport models, the most complete first."""
+MODELS_WITH_VARIANCE = tuple(
+    name for name, known in MODELS.items() if "variance" in known.evolves + known.closes
+)
 """Those that know the charge variance."""
 CLOSURE_NAMES = ("derived", "published")
 """Names of the closure sets."""

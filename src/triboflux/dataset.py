@@ -62,6 +62,7 @@ def build_dataset(
     stats: Mapping[str, Any],
     warnings: Sequence[str] = (),
     attributes: Mapping[str, str | int | float] | None = None,
+    **further: ArrayLike,
 ) -> xr.Dataset:
     """Label the fields of a run and add its provenance.
 
@@ -88,6 +89,9 @@ def build_dataset(
         Sentences that the user must be told.
     attributes : mapping, optional
         Further attributes of the dataset, such as the trace dimension of the closures.
+    **further : array_like
+        Further variables by their names in `triboflux.fields.FIELDS`, such as
+        ``covariance_flux_xx``, shape ``(time, *points)``.
 
     Returns
     -------
@@ -109,6 +113,7 @@ def build_dataset(
     if variance is not None:
         margin = np.asarray(variance) - (np.asarray(covariance) ** 2).sum(axis=1)
         arrays |= {"variance": variance, "realizability_margin": margin}
+    arrays |= further
     variables: dict[str, Any] = {}
     for name, values in arrays.items():
         dimensions = dimensions_of(name, case.grid.dimensions)

@@ -14,6 +14,7 @@ from triboflux.breaches import broken_limit
 from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.grid import Grid
+from triboflux.hierarchy import RANKS, components
 from triboflux.models.model import Model
 from triboflux.models.terms import evaluate
 from triboflux.moments import Moments
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 # The spectrum of a resolved field has decayed to this part of its largest coefficient.
 RESOLVED = 1e-6
-EQUATIONS = ("charge", "covariance", "variance")
 
 
 def model_of(result: Result) -> Model:
@@ -55,8 +55,10 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Variables ``charge(charge_term, x…)``, ``covariance(covariance_term, component, x…)`` and
-        ``variance(variance_term, x…)``, dimensionless, scaled by the moment's scale times √Θ/L.
+        Variables ``charge(charge_term, x…)``, ``covariance(covariance_term, component, x…)``,
+        ``variance(variance_term, x…)`` and, of a tensor, one for each component, such as
+        ``covariance_flux_xy(covariance_flux_term, x…)``; dimensionless, scaled by the moment's
+        scale times √Θ/L.
         Their sum over the terms is the time derivative. Coordinates give each term's group and
         equation.
 
@@ -78,18 +80,31 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     snapshot = result.to_scaled().dataset.isel(time=nearest)
     model, case = model_of(result), result.case
     grid = Grid(case.grid.points, case.grid.lengths)
-    fields = Moments(**{name: jnp.asarray(snapshot[name].values) for name in model.evolves})
+    fields = Moments(**{name: jnp.asarray(_moment(snapshot, name)) for name in model.evolves})
     values = _all_terms(jax.tree.map(jnp.asarray, model), grid, fields)
     variables, coordinates = {}, {}
     for moment in model.evolves:
         terms = [term for term in model.terms if term.moment == moment]
         axis = f"{moment}_term"
-        variables[moment] = ((axis, *snapshot[moment].dims), np.asarray(values[moment]))
+        parts = np.asarray(values[moment])
+        for name, place in components(moment, grid.dimensions).items():
+            variables[name] = ((axis, *snapshot[name].dims), parts[(slice(None), *place)])
         coordinates[axis] = [term.name for term in terms]
         coordinates[f"{moment}_group"] = (axis, [term.group for term in terms])
         coordinates[f"{moment}_equation"] = (axis, [term.equation for term in terms])
     kept = {name: snapshot[name] for name in snapshot.coords}
     return xr.Dataset(variables, coords={**kept, **coordinates})
+
+
+def _moment(snapshot: xr.Dataset, moment: str) -> np.ndarray:
+    """Return a moment from its variables at one time."""
+    dimensions = snapshot.sizes["component"]
+    parts = components(moment, dimensions)
+    if moment in parts:
+        return snapshot[moment].values
+    rows = {place: snapshot[name].values for name, place in parts.items()}
+    along = range(dimensions)
+    return np.stack([np.stack([rows[min(i, j), max(i, j)] for j in along]) for i in along])
 
 
 @eqx.filter_jit
@@ -130,7 +145,7 @@ def initial_closure(case: Case) -> xr.Dataset:
         If the numbers are outside the range of validity of the closures.
     """
     from triboflux.dataset import build_dataset
-    from triboflux.initial_state import initial_fields
+    from triboflux.initial_state import initial_moments
     from triboflux.integrate import begin
 
     if case.model != "algebraic":
@@ -144,7 +159,8 @@ def initial_closure(case: Case) -> xr.Dataset:
     )
     model = jax.tree.map(jnp.asarray, model)
     grid = Grid(case.grid.points, case.grid.lengths)
-    carry = begin(model, Moments(*map(jnp.asarray, initial_fields(case))), grid)
+    state = Moments(**{name: jnp.asarray(f) for name, f in initial_moments(case).items()})
+    carry = begin(model, state, grid)
     fields, margin = _closed(model, grid, carry.coefficients)
     rows = {name: np.asarray(values)[None] for name, values in fields.items()}
     dataset = build_dataset(
@@ -160,7 +176,9 @@ def initial_closure(case: Case) -> xr.Dataset:
         stop_reason="",
         stats={},
         attributes={
-            "trace_dimensions": closure_set.trace_dimensions(grid.dimensions),
+            "trace_dimensions": models.trace_dimensions(
+                case.model, closure_set, grid.dimensions
+            ),
             "nonphysical": broken_limit(model, grid, carry) if float(margin) <= 0.0 else "",
         },
     ).isel(time=0, drop=True)
@@ -218,7 +236,7 @@ def resolution_warnings(grid: Grid, coefficients: Moments) -> list[str]:
     for axis, (points, kept) in enumerate(zip(grid.points, grid.kept, strict=True)):
         tail = max(
             _tail(np.asarray(getattr(coefficients, name)), grid, axis)
-            for name in EQUATIONS
+            for name in RANKS
             if getattr(coefficients, name) is not None
         )
         if tail > RESOLVED:

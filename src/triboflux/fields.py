@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown
+from triboflux.hierarchy import MODELS, components, variables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,7 +61,19 @@ PARTICLE_FIELDS = {
 }
 """The same of what only a simulation of particles tells."""
 
-FIELDS = MODEL_FIELDS | PARTICLE_FIELDS
+TENSOR_FIELDS = {
+    name: (
+        f"mean of fluctuating charge times velocities along {name[-2]} and {name[-1]}",
+        "Q0 Theta",
+        "covariance_flux",
+        "C m2 s-2",
+    )
+    for name in components("covariance_flux", 3)
+    if name not in PARTICLE_FIELDS
+}
+"""The same of the other components of a third-order moment, where a box has these directions."""
+
+FIELDS = MODEL_FIELDS | PARTICLE_FIELDS | TENSOR_FIELDS
 """All of them."""
 
 _VECTORS = ("covariance", "field", "mean_velocity", "variance_flux")
@@ -91,6 +104,22 @@ def dimensions_of(variable: str, dimensions: int) -> tuple[str, ...]:
         return ("time",)
     vector = ("component",) if variable.removesuffix(STANDARD_ERROR) in _VECTORS else ()
     return ("time", *vector, *DIMENSION_NAMES[:dimensions])
+
+
+def variables_of(model: str, dimensions: int) -> list[str]:
+    """Return the variables and coordinates over time that a result of a model has to hold.
+
+    Parameters
+    ----------
+    model : str
+        Its name.
+    dimensions : int
+        Number of dimensions of the box.
+    """
+    known = MODELS[model].evolves + MODELS[model].closes
+    without = () if "variance" in known else ("variance", "realizability_margin")
+    names = [n for n in MODEL_FIELDS if n not in (*DIMENSION_NAMES, *without)]
+    return names + [n for n in variables(model, dimensions) if n not in names]
 
 
 def labels_of(name: str, *, si: bool = False) -> dict[str, str]:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-AXES = ("x", "y", "z")
-"""Of a box, and of the components of vectors and tensors."""
+from triboflux.case_checks import DIMENSION_NAMES
 
 RANKS = {
     "charge": 0,
@@ -82,7 +81,7 @@ def components(moment: str, dimensions: int) -> dict[str, tuple[int, ...]]:
     if RANKS[moment] < 2:
         return {moment: ()}
     return {
-        f"{moment}_{AXES[i]}{AXES[j]}": (i, j)
+        f"{moment}_{DIMENSION_NAMES[i]}{DIMENSION_NAMES[j]}": (i, j)
         for i in range(dimensions)
         for j in range(i, dimensions)
     }

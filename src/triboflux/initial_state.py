@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from triboflux.errors import InputError, shown_path
+from triboflux.fields import FIELDS
+from triboflux.hierarchy import MODELS, RANKS, components
 from triboflux.scales import Scales
 
 if TYPE_CHECKING:
@@ -18,12 +20,6 @@ if TYPE_CHECKING:
     from triboflux.case import Case, GridSpec, Mode
 
 _ROUND_OFF = 1e-12
-_STARTS_FROM = {
-    "full": ("charge", "covariance", "variance"),
-    "semi-algebraic": ("charge", "variance"),
-}
-"""The moments that a model has an equation for; of the others, the charge alone."""
-
 _NET_CHARGE_OF_A_FILE = 1e-10
 
 
@@ -54,20 +50,49 @@ def initial_fields(
         If the variance is negative somewhere, or a file given as initial state can't be read,
         does not fit the grid, or has a net charge.
     """
+    moments = initial_moments(case)
+    return moments["charge"], moments["covariance"], moments["variance"]
+
+
+def initial_moments(case: Case) -> dict[str, NDArray[np.float64]]:
+    """Evaluate all moments at time 0 on the points of the grid.
+
+    Parameters
+    ----------
+    case : Case
+        A validated case.
+
+    Returns
+    -------
+    dict of str to numpy.ndarray
+        Every moment of `triboflux.hierarchy.RANKS`, shaped and scaled as in `triboflux.moments`.
+        Those that the case does not give are zero, as third-order moments are unless a file holds
+        them.
+
+    Raises
+    ------
+    InputError
+        As for `initial_fields`.
+    """
     initial, grid = case.initial, case.grid
     if initial.file is not None:
-        charge, covariance, variance = _fields_of_file(case, initial.file)
+        moments = _moments_of_file(case, initial.file)
     else:
-        charge = sum_of_modes(initial.charge, grid)
-        covariance = np.stack(
-            [
-                sum_of_modes([m for m in initial.covariance if m.component == component], grid)
-                for component in range(grid.dimensions)
-            ]
-        )
-        variance = sum_of_modes(initial.variance, grid)
-    require_non_negative(variance, grid)
-    return charge, covariance, variance
+        moments = _nothing(grid)
+        moments["charge"] = sum_of_modes(initial.charge, grid)
+        moments["variance"] = sum_of_modes(initial.variance, grid)
+        for component, along in enumerate(moments["covariance"]):
+            chosen = [m for m in initial.covariance if m.component == component]
+            along[...] = sum_of_modes(chosen, grid)
+    require_non_negative(moments["variance"], grid)
+    return moments
+
+
+def _nothing(grid: GridSpec) -> dict[str, NDArray[np.float64]]:
+    """Return moments that vanish."""
+    return {
+        name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()
+    }
 
 
 def sum_of_modes(modes: Sequence[Mode], grid: GridSpec) -> NDArray[np.float64]:
@@ -147,9 +172,7 @@ def require_file(case: Case) -> None:
         raise InputError.about("initial.file", f"is {shown_path(file)}, which is no existing file")
 
 
-def _fields_of_file(
-    case: Case, file: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _moments_of_file(case: Case, file: str) -> dict[str, NDArray[np.float64]]:
     """Read the last time of a result and check that it fits the case."""
     from triboflux.result import load  # imports xarray, which only files need
 
@@ -169,21 +192,24 @@ def _fields_of_file(
                 f"{name}, whose grid has {what} {list(theirs)}, but grid.{what} is {list(ours)}",
             )
     last = start.to_scaled().dataset.isel(time=-1)
-    points = case.grid.points
-    fields = {"charge": np.zeros(points), "variance": np.zeros(points)}
-    fields["covariance"] = np.zeros((case.grid.dimensions, *points))
+    moments = _nothing(case.grid)
     # What the model closes or neglects need not be there, and need not make sense.
-    for field in _STARTS_FROM.get(case.model, ("charge",)):
-        if field not in last:
-            raise InputError.about(
-                "initial.file",
-                f"{name}, a result of the {start.case.model} model, which knows no {field}, "
-                f"but the {case.model} model starts from one",
-            )
-        fields[field] = np.asarray(last[field].values, dtype=np.float64) * factors[field]
-        if not np.isfinite(fields[field]).all():
-            raise InputError.about("initial.file", f"{name}, whose last {field} is not finite")
-    charge = fields["charge"]
+    for moment in MODELS[case.model].evolves:
+        for variable, place in components(moment, case.grid.dimensions).items():
+            if variable not in last:
+                raise InputError.about(
+                    "initial.file",
+                    f"{name}, a result of the {start.case.model} model, which knows no {variable}, "
+                    f"but the {case.model} model starts from one",
+                )
+            values = np.asarray(last[variable].values, dtype=np.float64) * factors[moment]
+            if not np.isfinite(values).all():
+                raise InputError.about(
+                    "initial.file", f"{name}, whose last {variable} is not finite"
+                )
+            for at in {place, place[::-1]}:
+                moments[moment][at] = values
+    charge = moments["charge"]
     net, peak = abs(float(charge.mean())), float(np.abs(charge).max())
     if net > _NET_CHARGE_OF_A_FILE * peak and not case.initial.neutralising_background:
         raise InputError.about(
@@ -191,13 +217,14 @@ def _fields_of_file(
             f"{name}, whose last charge has a net of {float(charge.mean()):.6g}, but must be "
             "neutral unless initial.neutralising_background is true",
         )
-    return charge, fields["covariance"], fields["variance"]
+    return moments
 
 
 def _scale_ratios(before: Case, now: Case) -> dict[str, float]:
     """Return by what scaled values are multiplied when the suspension changes between cases."""
-    names = ("length", "charge", "covariance", "variance")
+    scales = {name: FIELDS[next(iter(components(name, 1)))][2] for name in RANKS}
+    scales["length"] = "length"
     if before.suspension is None or now.suspension is None:
-        return dict.fromkeys(names, 1.0)
+        return dict.fromkeys(scales, 1.0)
     old, new = Scales.of(before.suspension), Scales.of(now.suspension)
-    return {name: getattr(old, name) / getattr(new, name) for name in names}
+    return {name: getattr(old, scale) / getattr(new, scale) for name, scale in scales.items()}

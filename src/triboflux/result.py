@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from triboflux import case_checks
-from triboflux.case import MODELS_WITH_VARIANCE, Case
+from triboflux.case import Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.dataset import FORMAT_VERSION
 from triboflux.errors import InputError, shown, shown_path
 from triboflux.fields import (
     ANCILLARY,
     FIELDS,
-    MODEL_FIELDS,
     STANDARD_ERROR,
     dimensions_of,
     labels_of,
+    variables_of,
 )
 from triboflux.files import require_file
 from triboflux.memory import available_memory
@@ -298,8 +298,7 @@ def _require_shapes(dataset: xr.Dataset, case: Case, name: str) -> None:
     """Refuse a dataset whose variables do not fit its case's grid."""
     sizes = dict(zip(DIMENSION_NAMES, case.grid.points, strict=False))
     sizes |= {"component": case.grid.dimensions, "time": dataset.sizes.get("time", 0)}
-    without = () if case.model in MODELS_WITH_VARIANCE else ("variance", "realizability_margin")
-    for variable in (name for name in MODEL_FIELDS if name not in (*DIMENSION_NAMES, *without)):
+    for variable in variables_of(case.model, case.grid.dimensions):
         expected = dimensions_of(variable, case.grid.dimensions)
         if variable not in dataset.variables or dataset[variable].dims != expected:
             raise InputError(f"{name} is damaged: its variable {variable} is missing or misshapen.")

@@ -16,7 +16,7 @@ from triboflux import breaches
 from triboflux.case_checks import check_stop_value
 from triboflux.errors import InputError
 from triboflux.grid import Grid
-from triboflux.initial_state import initial_fields
+from triboflux.initial_state import initial_moments
 from triboflux.integrate import (
     Carry,
     Outcome,
@@ -131,7 +131,7 @@ class Segments:
             stop_at_rate=_optional(run.stop_at_rate),
             realizability_bound=_optional(run.realizability_bound),
         )
-        fields = Moments(*map(jnp.asarray, initial_fields(case)))
+        fields = Moments(**{n: jnp.asarray(f) for n, f in initial_moments(case).items()})
         carry = _begin(model, fields, grid)
         coarsest = coarsest_for(carry.coefficients, self._grids, run.rtol, run.atol)
         self.position = Position(self._on(carry, grid, coarsest), coarsest)

@@ -17,6 +17,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.dataset import build_dataset, stats_and_warnings
 from triboflux.files import require_writable
 from triboflux.grid import Grid
+from triboflux.hierarchy import components
 from triboflux.keeping import Keeper
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
@@ -187,7 +188,8 @@ class _Run:
         # As arrays, so that a case with other numbers reuses the compiled program.
         self._model = jax.tree.map(jnp.asarray, model)
         self._grid = Grid(case.grid.points, case.grid.lengths)
-        self._attributes = {"trace_dimensions": closure_set.trace_dimensions(self._grid.dimensions)}
+        n_t = models.trace_dimensions(case.model, closure_set, self._grid.dimensions)
+        self._attributes = {"trace_dimensions": n_t}
         self._segments = Segments(case, self._model, self._grid)
         keeper.take(self._segments)
         closed = "covariance" not in model.evolves
@@ -256,7 +258,7 @@ class _Run:
 
 @eqx.filter_jit
 def _observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str, Any]:
-    """Return the fields of a result from Fourier coefficients; no variance if none is modelled."""
+    """Return the fields of a result from Fourier coefficients, those that the model knows."""
     calculus = FourierCalculus(grid)
     fields = model.fields(calculus, coefficients)
     electric_field = grid.to_fields(calculus.electric_field(coefficients.charge))
@@ -268,4 +270,9 @@ def _observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str
         "potential": grid.to_fields(calculus.potential(coefficients.charge)),
         "peak_charge": grid.peak(coefficients.charge),
     }
-    return observed if fields.variance is None else observed | {"variance": fields.variance}
+    if fields.variance is not None:
+        observed["variance"] = fields.variance
+    for moment in model.evolves:
+        for name, place in components(moment, grid.dimensions).items():
+            observed.setdefault(name, getattr(fields, moment)[place])
+    return observed

@@ -31,7 +31,7 @@ from triboflux.sweep_values import ValueRange, plain
 if TYPE_CHECKING:
     import xarray as xr
 
-REDUCED = tuple(name for name in MODEL_NAMES if name != "full")
+REDUCED = MODEL_NAMES[MODEL_NAMES.index("full") + 1 :]
 """Models that can be judged."""
 
 MEASURE = (
