@@ -2,8 +2,8 @@
 
 The full model closes T_ij = ⟨ξ'c'_i c'_j⟩ algebraically, and its derivation drops terms of the same
 order as those that it keeps. Without a field Q, C and T stay one wave each, so that both can be put
-back in six ordinary differential equations. They tell where an error of the full model comes from;
-the package has no such model.
+back in six ordinary differential equations. They tell where an error of the full model comes from.
+Without the dropped terms they are the package's model ``third-order``, written independently.
 """
 
 from __future__ import annotations

@@ -196,7 +196,10 @@ def test_python_may_give_arrays():
     [
         ({"modle": "full"}, "modle is not a known key; .* Did you mean 'model'?"),
         ({"run__tend": 1}, "run.tend is not a known key; .* Did you mean 't_end'?"),
-        ({"model": "fulll"}, "model is 'fulll', but must be 'full' or .*. Did you mean 'full'?"),
+        (
+            {"model": "fulll"},
+            "model is 'fulll', but must be 'third-order' or .*. Did you mean 'full'?",
+        ),
         (
             {"closures": "publishd"},
             "closures is 'publishd', but must be 'derived' or 'published'."

@@ -74,8 +74,8 @@ def test_operator_is_the_sum_of_the_linear_terms(grid, name):
     state = random_coefficients(grid, evolves=model.evolves)
     expected = eqx.filter_jit(evaluate)(model.linear_terms(), FourierCalculus(grid), state)
     found = applied(block_operator(model, grid), state)
-    for name in model.evolves:
-        f, e = getattr(found, name), getattr(expected, name)
+    for moment in model.evolves:
+        f, e = getattr(found, moment), getattr(expected, moment)
         np.testing.assert_allclose(f, e, rtol=0, atol=1e-13 * float(jnp.max(jnp.abs(e))))
 
 
@@ -143,7 +143,7 @@ def test_blocks_are_made_once_per_distinct_wave_number():
     squares = {m * m + n * n for m in range(-3, 4) for n in range(4)}
     # a pair that is coupled and two parts that are not
     assert operator.entries.shape == (6, len(squares))
-    assert (operator.layout.size, operator.layout.count) == (2, 2)
+    assert (operator.layout.size, operator.layout.number) == (2, 2)
     expanded, *_ = functions_of(operator, jnp.asarray(TIMES))
     assert expanded.entries.shape == (len(TIMES), 6, *grid.modes)
 
@@ -153,7 +153,7 @@ def test_tensors_need_no_larger_blocks_than_the_parts_that_turn_alike():
     blocks = {}
     for entry in layout.entries:
         blocks.setdefault(entry.block, set()).add(entry.source)
-    assert (layout.size, layout.count) == (4, 2)
+    assert (layout.size, layout.number) == (4, 2)
     names = ("charge", "covariance", "covariance_flux", "covariance_flux_trace")
     assert blocks[0] == {Part(name, 0) for name in names}
     assert len(layout.entries) == 16 + 4 + 1 + 1
@@ -200,7 +200,7 @@ def test_models_of_scalars_have_single_numbers():
     )
     model = Model("scalars", ("charge", "variance"), terms, coefficients)
     operator = block_operator(model, grid)
-    assert (operator.layout.size, operator.layout.count) == (1, 2)
+    assert (operator.layout.size, operator.layout.number) == (1, 2)
     state = random_coefficients(grid, evolves=model.evolves)
     exponential = jax.tree.map(lambda leaf: leaf[0], functions_of(operator, jnp.asarray([0.5]))[0])
     after = exponential.apply(state)

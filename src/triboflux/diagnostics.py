@@ -176,9 +176,7 @@ def initial_closure(case: Case) -> xr.Dataset:
         stop_reason="",
         stats={},
         attributes={
-            "trace_dimensions": models.trace_dimensions(
-                case.model, closure_set, grid.dimensions
-            ),
+            "trace_dimensions": models.trace_dimensions(case.model, closure_set, grid.dimensions),
             "nonphysical": broken_limit(model, grid, carry) if float(margin) <= 0.0 else "",
         },
     ).isel(time=0, drop=True)

@@ -90,9 +90,7 @@ def initial_moments(case: Case) -> dict[str, NDArray[np.float64]]:
 
 def _nothing(grid: GridSpec) -> dict[str, NDArray[np.float64]]:
     """Return moments that vanish."""
-    return {
-        name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()
-    }
+    return {name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()}
 
 
 def sum_of_modes(modes: Sequence[Mode], grid: GridSpec) -> NDArray[np.float64]:

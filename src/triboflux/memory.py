@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from triboflux.case_kinetic import Kinetic
 from triboflux.errors import InputError
+from triboflux.hierarchy import MODELS, RANKS
 
 if TYPE_CHECKING:
     from triboflux.case import Case
@@ -25,10 +26,11 @@ _GIBIBYTE = 2**30
 def memory_estimate(case: Case, *, streamed: bool = False) -> int:
     """Estimate the peak memory of a run on top of the bare program.
 
-    With ``d`` dimensions, the integrator needs about ``180 + 30 d`` arrays of doubles on the grid
-    for stages, functions of the operator and transforms, and every output time twice ``3 d + 5``
-    arrays for charge, covariance, variance, field, potential and realizability margin, as they
-    come and as they are stacked; of outputs that stream to a file a few are held at a time.
+    With ``d`` dimensions, the integrator of the full model needs about ``180 + 30 d`` arrays of
+    doubles on the grid for stages, functions of the operator and transforms, and every output time
+    twice ``3 d + 5`` arrays for charge, covariance, variance, field, potential and realizability
+    margin, as they come and as they are stacked; of outputs that stream to a file a few are held at
+    a time. A model with more moments needs as many times more as it has more components.
     ``python -m benchmarks.boxes`` measures both.
 
     Parameters
@@ -48,8 +50,16 @@ def memory_estimate(case: Case, *, streamed: bool = False) -> int:
     # the initial and the last time are kept besides a count of outputs
     times = outputs + 2 if isinstance(outputs, int) else len(outputs) + 1
     times = min(times, _STREAMED) if streamed else times
-    working = 180 + 30 * dimensions
-    return _BYTES * case.grid.size * (working + 2 * times * (3 * dimensions + 5))
+    known = _components("full", dimensions)
+    components = max(_components(case.model, dimensions), known)
+    working = (180 + 30 * dimensions) * components / known
+    kept = 3 * dimensions + 5 + components - known
+    return int(_BYTES * case.grid.size * (working + 2 * times * kept))
+
+
+def _components(model: str, dimensions: int) -> int:
+    """Return how many numbers the state of a model has at a point."""
+    return sum(dimensions ** RANKS[moment] for moment in MODELS[model].evolves)
 
 
 def available_memory() -> int | None:

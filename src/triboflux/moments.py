@@ -1,4 +1,4 @@
-"""The state of a moment model: mean charge, charge-velocity covariance, charge variance and more."""
+"""The state of a moment model: mean charge, charge-velocity covariance, variance and more."""
 
 from __future__ import annotations
 

@@ -57,20 +57,20 @@ class Layout(NamedTuple):
 
     Attributes
     ----------
-    size, count : int
+    size, number : int
         Of the blocks.
     entries : tuple of Entry
         All elements that do not vanish identically in functions of the operator.
     """
 
     size: int
-    count: int
+    number: int
     entries: tuple[Entry, ...]
 
     def blocks(self, entries: Float[Array, "entry n"]) -> Float[Array, "m m block n"]:
         """Return the blocks, zero where there are no entries."""
         zero = jnp.zeros_like(entries[0])
-        table = [[[zero] * self.count for _ in range(self.size)] for _ in range(self.size)]
+        table = [[[zero] * self.number for _ in range(self.size)] for _ in range(self.size)]
         for entry, values in zip(self.entries, entries, strict=True):
             table[entry.row][entry.column][entry.block] = values
         return jnp.stack([jnp.stack([jnp.stack(c) for c in row]) for row in table])
@@ -197,11 +197,9 @@ class _Sources:
         # of ``i v`` the longitudinal part counts twice in n v + v n
         beyond = self._weighted({source: 2.0 * factor for source, factor in along.items()})
         unit = self._unit()
-        if a is not None or b is not None:
-            zero = jnp.zeros_like(b if a is None else a)
-            a, b = (zero if x is None else x for x in (a, b))
-            isotropic, lengthwise = 0.5 * (b - a), 0.5 * (3.0 * a - b)
-            lengthwise = lengthwise if beyond is None else lengthwise + beyond
+        isotropic = _plus(_times(0.5, b), _times(-0.5, a))
+        lengthwise = _plus(_plus(_times(-0.5, b), _times(1.5, a)), beyond)
+        if isotropic is not None and lengthwise is not None:
             both = jax.vmap(lambda s, p: _axial(unit, s, p))(isotropic, lengthwise)
             rest = _plus(rest, both)
         if turned is not None:
@@ -273,6 +271,10 @@ def _plus(left: Array | None, right: Array | None) -> Array | None:
     if left is None or right is None:
         return right if left is None else left
     return left + right
+
+
+def _times(factor: float, array: Array | None) -> Array | None:
+    return None if array is None else factor * array
 
 
 def _along(unit: list[Array], tensor: Float[Array, "d d 2 *modes"]) -> Float[Array, "d 2 *modes"]:

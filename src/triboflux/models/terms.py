@@ -48,7 +48,7 @@ class Operator:
     symbol: Callable[[Array], Array]
     transverse: Callable[[Array], Array]
     apply: Callable[[Discretisation, Array], Array]
-    traceless: Callable[[Array], Array] = lambda k: jnp.zeros_like(k)
+    traceless: Callable[[Array], Array] = jnp.zeros_like
 
     @property
     def symbols(self) -> tuple[Callable[[Array], Array], ...]:
