@@ -23,6 +23,7 @@ from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -69,15 +70,16 @@ class Layout(NamedTuple):
 
     def blocks(self, entries: Float[Array, "entry n"]) -> Float[Array, "m m block n"]:
         """Return the blocks, zero where there are no entries."""
-        zero = jnp.zeros_like(entries[0])
-        table = [[[zero] * self.number for _ in range(self.size)] for _ in range(self.size)]
-        for entry, values in zip(self.entries, entries, strict=True):
-            table[entry.row][entry.column][entry.block] = values
-        return jnp.stack([jnp.stack([jnp.stack(c) for c in row]) for row in table])
+        # gathered, which compiles several times faster than stacking single elements
+        places = np.full((self.size, self.size, self.number), len(self.entries))
+        for i, entry in enumerate(self.entries):
+            places[entry.row, entry.column, entry.block] = i
+        return jnp.concatenate([entries, jnp.zeros_like(entries[:1])])[places]
 
     def chosen(self, blocks: Float[Array, "m m t block n"]) -> Float[Array, "t entry n"]:
         """Return the entries of blocks that have an axis more."""
-        return jnp.stack([blocks[e.row, e.column, :, e.block] for e in self.entries], axis=1)
+        rows, columns, of = np.array([[e.row, e.column, e.block] for e in self.entries]).T
+        return jnp.moveaxis(blocks, 2, 0)[:, rows, columns, of]
 
 
 def layout_of(evolves: tuple[str, ...], couplings: Iterable[Coupling]) -> Layout:
