@@ -11,7 +11,7 @@ from triboflux.advice import TOLERANCE, Advice
 from triboflux.assessment import assess, regime_of
 from triboflux.assessment_text import MEANINGS
 from triboflux.case import MODEL_NAMES, Case
-from triboflux.explorer.live import NOT_JUDGED, REFERENCE, ModelRun
+from triboflux.explorer.live import JUDGED, NOT_JUDGED, REFERENCE, ModelRun
 from triboflux.model_errors import OK, ModelError, percent
 from triboflux.rates import ClosureRates, scaled_rates, transfer_warnings
 from triboflux.scales import Scales
@@ -206,6 +206,8 @@ def _row(name: str, error: ModelError | None, run: ModelRun | None) -> dict[str,
     """Return the row of a model in the table of the answer."""
     if name == REFERENCE:
         return {"model": name, "text": "reference", "error": 0.0, "suits": True}
+    if name not in JUDGED:
+        return {"model": name, "text": "beyond the reference", "error": None, "suits": False}
     value = run.error if error is None and run is not None else None
     value = error.error if error is not None else value
     if value is None:

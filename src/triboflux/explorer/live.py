@@ -26,6 +26,8 @@ FRAMES = 31
 """Output times of a run; always as many, so that cases share their compiled programs."""
 REFERENCE = "full"
 """The model that the others are measured against, as in `triboflux.suitability.MEASURE`."""
+JUDGED = MODEL_NAMES[MODEL_NAMES.index(REFERENCE) :]
+"""It and those that close more than it does; one that closes less runs only where it is drawn."""
 
 LARGE = 2**13
 """Points of a grid on which only the drawn models are run."""
@@ -83,7 +85,7 @@ def runs(
     case: Case,
     first: tuple[str, ...] = (),
     *,
-    models: tuple[str, ...] = MODEL_NAMES,
+    models: tuple[str, ...] = JUDGED,
     check: Callable[[], None],
     on_progress: Callable[[str, Progress], None] | None = None,
 ) -> Iterator[ModelRun]:

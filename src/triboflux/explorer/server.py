@@ -139,14 +139,13 @@ def warm_up() -> None:
 
 
 def _warm(check: Any) -> None:
-    """Run every model once; the first page begins at the other end, so that both compile."""
-    from triboflux.case import MODEL_NAMES
+    """Run what a page runs once; the first page begins at the other end, so that both compile."""
     from triboflux.explorer.inputs import read
-    from triboflux.explorer.live import runs
+    from triboflux.explorer.live import JUDGED, runs
     from triboflux.explorer.profiles import Drawing
 
     inputs = read({"models": ["full"]})
     assert inputs.case is not None
-    for run in runs(inputs.case, models=MODEL_NAMES[::-1], check=check):
+    for run in runs(inputs.case, models=JUDGED[::-1], check=check):
         if run.shown is not None:
             Drawing.of(run.shown).budget(run.shown, 0.0)
