@@ -1,6 +1,8 @@
 """The third-order model: its equations, its limits, and what follows from the list of terms."""
 
+import json
 import math
+from functools import cache
 
 import equinox as eqx
 import jax
@@ -12,7 +14,7 @@ from scipy.linalg import expm
 import triboflux
 from benchmarks.kinetic_beyond import beyond
 from benchmarks.kinetic_particles import Setting
-from tests.cases import NUMBERS
+from tests.cases import NUMBERS, fake_result
 from tests.fields import (
     CASE_B,
     EVERYTHING,
@@ -23,6 +25,7 @@ from tests.fields import (
     largest_difference,
     smooth_state,
 )
+from tests.in_process import call
 from tests.runs import settings
 from tests.test_invariants import (
     BOXES,
@@ -40,6 +43,7 @@ from triboflux.diagnostics import budget
 from triboflux.errors import InputError, OutOfRangeError
 from triboflux.grid import Grid
 from triboflux.hierarchy import MODELS, RANKS, TRACES, components
+from triboflux.initial_state import initial_moments
 from triboflux.integrate import integrate
 from triboflux.integrators.isotropy import Part
 from triboflux.integrators.linear import block_operator
@@ -260,17 +264,18 @@ def test_a_plane_wave_is_the_solution_of_one_dimension(name):
     assert float(jnp.max(jnp.abs(across))) > 0.01
 
 
-def test_the_stop_time_can_be_differentiated():
-    grid = Grid((16,), (1.0,))
-    state = Moments(-jnp.sin(K * grid.coordinates()[0]), jnp.zeros((1, 16)), jnp.zeros(16))
+def test_a_run_can_be_differentiated():
+    grid = Grid((8,), (1.0,))
+    state = Moments(-jnp.sin(K * grid.coordinates()[0]), jnp.zeros((1, 8)), jnp.zeros(8))
 
-    def stop_time(tau_c):
+    def amplitude(tau_c):
         numbers = Numbers(**CASE_B).model_copy(update={"tau_c": tau_c})
-        options = settings(5.0, 1e-9, peak=0.5, max_steps=256)
         model = models.build(NAME, numbers)
-        return integrate(model, from_rest(state, 1), grid, options).time
+        options = settings(0.1, 1e-8, max_steps=64)
+        outcome = integrate(model, from_rest(state, 1), grid, options)
+        return outcome.carry.coefficients.charge[1, 1]
 
-    single, slope = eqx.filter_jit(stop_time), eqx.filter_jit(jax.grad(stop_time))
+    single, slope = eqx.filter_jit(amplitude), eqx.filter_jit(jax.grad(amplitude))
     at, width = jnp.asarray(0.1), 1e-4
     expected = (float(single(at + width)) - float(single(at - width))) / (2 * width)
     assert float(slope(at)) == pytest.approx(expected, rel=1e-5)
@@ -322,8 +327,14 @@ PLANE = {
 }
 
 
+@cache
+def whole():
+    """Return the result of a run in two dimensions."""
+    return triboflux.solve(relaxation(**PLANE))
+
+
 def test_a_result_holds_every_component_and_its_budget(tmp_path):
-    result = triboflux.solve(relaxation(**PLANE))
+    result = whole()
     names = [*components(T, 2), T_MM]
     assert names == ["covariance_flux_xx", "covariance_flux_xy", "covariance_flux_yy", T_MM]
     terms = budget(result, time=0.0402)
@@ -340,27 +351,22 @@ def test_a_result_holds_every_component_and_its_budget(tmp_path):
         assert b"covariance_flux_xy" in (tmp_path / f"out.{suffix}").read_bytes()
 
 
-def test_a_run_goes_on_from_the_file_of_another(tmp_path):
-    first = triboflux.solve(relaxation(**PLANE | {"run": PLANE["run"] | {"t_end": 0.0404}}))
-    first.to_netcdf(tmp_path / "half.nc")
-    start = {"file": str(tmp_path / "half.nc")}
-    rest = {"t_end": 0.08 - 0.0404, "stop_at_peak_charge": None, "outputs": 1}
-    second = triboflux.solve(relaxation(**PLANE | {"initial": start, "run": rest})).dataset
-    whole = triboflux.solve(relaxation(**PLANE)).dataset
-    for name in ("charge", "covariance", "variance", *components(T, 2), T_MM):
-        found, expected = second[name].values[-1], whole[name].values[-1]
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * np.abs(expected).max())
+def test_a_run_starts_from_all_moments_of_a_file(tmp_path):
+    whole().to_netcdf(tmp_path / "whole.nc")
+    found = initial_moments(relaxation(**PLANE | {"initial": {"file": str(tmp_path / "whole.nc")}}))
+    last = whole().dataset.isel(time=-1)
+    np.testing.assert_array_equal(found[T_MM], last[T_MM])
+    for name, (i, j) in components(T, 2).items():
+        np.testing.assert_array_equal(found[T][i, j], last[name])
+        np.testing.assert_array_equal(found[T][j, i], last[name])
+    fake_result(relaxation(**PLANE | {"model": "full"})).to_netcdf(tmp_path / "full.nc")
+    start = {"file": str(tmp_path / "full.nc")}
     with pytest.raises(InputError, match="which knows no covariance_flux_xx, but the third-order"):
-        triboflux.solve(relaxation(**PLANE | {"initial": start, "model": "full"})).to_netcdf(
-            tmp_path / "full.nc"
-        )
-        start = {"file": str(tmp_path / "full.nc")}
-        triboflux.solve(relaxation(**PLANE | {"initial": start, "run": rest}))
+        initial_moments(relaxation(**PLANE | {"initial": start}))
 
 
 def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
     case, path = relaxation(**PLANE), tmp_path / "run.checkpoint"
-    whole = triboflux.solve(case).dataset
 
     def stop(progress):
         raise KeyboardInterrupt
@@ -369,8 +375,21 @@ def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
         triboflux.solve(case, checkpoint=path, checkpoint_steps=1, on_progress=stop)
     assert path.exists()
     again = triboflux.solve(case, checkpoint=path, resume=True).dataset
-    for name in whole.data_vars:
-        np.testing.assert_array_equal(again[name].values, whole[name].values)
+    for name in whole().dataset.data_vars:
+        np.testing.assert_array_equal(again[name].values, whole().dataset[name].values)
+
+
+def test_it_is_what_the_others_are_compared_with(tmp_path):
+    (tmp_path / "case.toml").write_text(relaxation().to_toml(), encoding="utf-8")
+    words = ("compare", tmp_path / "case.toml", "--models", "full,third-order", "--format", "json")
+    done = call(*words, "-o", tmp_path / "out")
+    assert done.code == 0, done
+    document = json.loads(done.output)
+    assert [row["model"] for row in document["models"]] == [NAME, "full"]
+    assert document["reference"] == NAME
+    assert document["models"][0]["stop_time"] == pytest.approx(TRANSPORTED[0.1], abs=5e-4)
+    assert document["models"][1]["errors"]["charge"]["L2"] > 0.15
+    assert (tmp_path / "out" / "case_models.nc").is_file()
 
 
 def test_the_trace_is_that_of_three_dimensions_with_the_printed_closures_too():
