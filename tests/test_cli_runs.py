@@ -209,7 +209,8 @@ def test_progress_bar_on_a_terminal(folder, delay, options, expected):
     assert process.wait(30) == 0
     os.set_blocking(ours, False)
     try:
-        drawn = os.read(ours, 100_000).decode()
+        # what a terminal holds may end within a letter
+        drawn = os.read(ours, 100_000).decode(errors="replace")
     except OSError:  # nothing was ever written
         drawn = ""
     finally:

@@ -4,6 +4,7 @@ import math
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
@@ -80,8 +81,8 @@ def test_every_moment_counts_in_its_own_scale():
     controller = LadderController(jnp.asarray(1e-3), jnp.asarray(0.0))
     sizes = Moments(jnp.ones(4), 1e-3 * jnp.ones((1, 4)), jnp.ones(4))
     for bad in ("charge", "covariance", "variance"):
-        none = {name: 0.0 * value for name, value in vars(sizes).items()}
-        error = Moments(**(none | {bad: 1e-2 * getattr(sizes, bad)}))
+        none = jax.tree.map(jnp.zeros_like, sizes)
+        error = none + Moments(**{bad: 1e-2 * getattr(sizes, bad)})
         keep, *_ = _adapt(
             controller, jnp.zeros(()), jnp.ones(()), sizes, sizes, error, jnp.ones(())
         )
