@@ -27,7 +27,7 @@ class Mutation(NamedTuple):
     test: str
 
 
-FULL, LINEAR, EXPONENTIAL = "models/full", "integrators/linear", "integrators/exponential"
+FULL, ISOTROPY, EXPONENTIAL = "models/full", "integrators/isotropy", "integrators/exponential"
 MUTATIONS = (
     Mutation(
         "total charge is constant, finite differences",
@@ -45,10 +45,24 @@ MUTATIONS = (
     ),
     Mutation(
         "a plane wave equals the one-dimensional solution",
-        LINEAR,
-        "rest = _summed(across, states.covariance, 2)",
-        "rest = _summed(1.01 * across, states.covariance, 2)",
+        ISOTROPY,
+        "total = _plus(total, _summed(factor, vector, 2))",
+        "total = _plus(total, _summed(1.01 * factor, vector, 2))",
         "test_invariants.py::test_a_plane_wave_is_the_solution_of_one_dimension",
+    ),
+    Mutation(
+        "a plane wave of the third-order model equals the one-dimensional solution",
+        ISOTROPY,
+        "_times(1.5, a)",
+        "_times(1.4, a)",
+        "test_third_order.py::test_a_plane_wave_is_the_solution_of_one_dimension",
+    ),
+    Mutation(
+        "the equation of the trace is the trace of the equation",
+        "models/terms",
+        "ISOTROPIC: (IDENTITY, 3.0),",
+        "ISOTROPIC: (IDENTITY, 1.0),",
+        "test_third_order.py::test_the_equation_of_the_trace_is_the_trace_of_the_equation",
     ),
     Mutation(
         "the term list agrees with the model written by hand: electric force",
@@ -206,7 +220,7 @@ MUTATIONS = (
     ),
     Mutation(
         "directions keep their signs",
-        LINEAR,
+        ISOTROPY,
         "return [jnp.asarray(k) * inverse for k in grid.wave_vector()]",
         "return [jnp.abs(jnp.asarray(k)) * inverse for k in grid.wave_vector()]",
         "test_invariants.py::test_a_plane_wave_is_the_solution_of_one_dimension",
