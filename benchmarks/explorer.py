@@ -29,8 +29,6 @@ PAGE = ROOT / "docs" / "explorer.md"
 IMAGES = ROOT / "docs" / "images"
 REACH = 0.3
 """Seconds in which a slider is to be answered in one dimension, once warm."""
-START_REACH = 10.0
-"""Seconds from the command to a page that can be used."""
 
 _SLIDERS = {
     "powder, granular temperature": ("suspension", "suspension.granular_temperature"),

@@ -11,6 +11,7 @@ import pytest
 from tests.in_process import call, sentence_of
 from triboflux.case import MODEL_NAMES, Case
 from triboflux.closures import NAMES as CLOSURES
+from triboflux.compare import DEFAULT_MODELS
 from triboflux.errors import InputError
 from triboflux.explorer import answer, chart, downloads, fields, inputs, live, worker
 from triboflux.explorer.session import Session
@@ -103,6 +104,7 @@ def test_pickers_hold_what_is_registered():
     session.end()
     (setup,) = told
     assert list(setup["models"]) == list(MODEL_NAMES)
+    assert setup["usual_models"] == list(DEFAULT_MODELS)
     assert list(setup["closures"]) == list(CLOSURES)
     assert setup["presets"] == list(PRESETS)
     assert all(setup["models"].values())

@@ -41,6 +41,7 @@ from triboflux import closures, models
 from triboflux.case import Case
 from triboflux.diagnostics import budget
 from triboflux.errors import InputError, OutOfRangeError
+from triboflux.explorer.profiles import Drawing
 from triboflux.grid import Grid
 from triboflux.hierarchy import MODELS, RANKS, TRACES, components
 from triboflux.initial_state import initial_moments
@@ -342,6 +343,9 @@ def test_a_result_holds_every_component_and_its_budget(tmp_path):
         before, _, after = (result.dataset[name].values[i] for i in range(3))
         total = terms[name].sum(f"{name if name == T_MM else T}_term").values
         np.testing.assert_allclose(total, (after - before) / 4e-4, atol=1e-3 * abs(total).max())
+    told = Drawing.of(result).budget(result, 0.0402)["equations"]
+    assert [equation["moment"] for equation in told] == ["charge", "covariance", "variance", *names]
+    assert [len(equation["terms"]) for equation in told[3:]] == [6] * len(names)
     assert result.dataset.attrs["trace_dimensions"] == 3
     result.to_netcdf(tmp_path / "out.nc")
     again = triboflux.load(tmp_path / "out.nc")

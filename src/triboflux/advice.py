@@ -82,10 +82,9 @@ def advise(numbers: Numbers, closure_name: str = "derived", *, compute: bool = F
     InputError
         If the closure set is unknown.
     """
-    found = outside(numbers, closure_name)
-    if found is not None:
-        reason = f"{found.reason}: no model is judged against the full one."
-        return Advice("full", (reason,), (), "none")
+    beyond = advice_outside(numbers, closure_name)
+    if beyond is not None:
+        return beyond
     if compute:
         origin, found = "computed", measure(numbers, closure_name)
     else:
@@ -93,9 +92,44 @@ def advise(numbers: Numbers, closure_name: str = "derived", *, compute: bool = F
 
         origin, place = "table", model_table.coordinates(numbers, closure_name)
         found = model_table.load().interpolated(place, closure_name)
+    return advice_from(found, origin)
+
+
+def advice_outside(numbers: Numbers, closure_name: str) -> Advice | None:
+    """Return the advice outside the range in which models are judged, None inside.
+
+    Parameters
+    ----------
+    numbers : Numbers
+        Of the case.
+    closure_name : str
+        ``"derived"`` or ``"published"``.
+
+    Raises
+    ------
+    InputError
+        If the closure set is unknown.
+    """
+    found = outside(numbers, closure_name)
+    if found is None:
+        return None
+    reason = f"{found.reason}: no model is judged against the full one."
+    return Advice("full", (reason,), (), "none")
+
+
+def advice_from(found: ModelErrors, origin: str) -> Advice:
+    """Return which model suits by the errors of the reduced ones.
+
+    Parameters
+    ----------
+    found : ModelErrors
+        Of any status.
+    origin : str
+        ``"table"`` or ``"computed"``.
+    """
     if found.status != OK:
         return Advice("full", _unknown(found, origin), (), "none")
-    model, reasons = choice(found, origin)
+    model, reasons = _choice(found, origin)
     return Advice(model, reasons, found.models, origin)
 
 
@@ -107,7 +141,7 @@ def _unknown(found: ModelErrors, origin: str) -> tuple[str, ...]:
     return (f"{told}. The full model is on the safe side; {_COMPUTE}",)
 
 
-def choice(found: ModelErrors, origin: str) -> tuple[str, tuple[str, ...]]:
+def _choice(found: ModelErrors, origin: str) -> tuple[str, tuple[str, ...]]:
     """Return the cheapest model that suits, and why.
 
     Parameters

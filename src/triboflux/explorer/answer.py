@@ -208,10 +208,10 @@ def _row(name: str, error: ModelError | None, run: ModelRun | None) -> dict[str,
         return {"model": name, "text": "reference", "error": 0.0, "suits": True}
     if name not in JUDGED:
         return {"model": name, "text": "beyond the reference", "error": None, "suits": False}
-    value = run.error if error is None and run is not None else None
-    value = error.error if error is not None else value
+    told = run if error is None else error
+    value = None if told is None else told.error
     if value is None:
-        status = error.status if error is not None else "" if run is None else run.status
+        status = "" if told is None else told.status
         return {"model": name, "text": status, "error": None, "suits": False}
     high = value if error is None or error.high is None else error.high
     text = _percent(value)

@@ -70,6 +70,11 @@ class Axis:
         return self.values[index] * factor
 
 
+def kind_of(case: Case) -> str:
+    """Return how the inputs of a case were told, `NUMBERS` or `SUSPENSION`."""
+    return NUMBERS if case.suspension is None else SUSPENSION
+
+
 def axes_of(kind: str, wanted: object) -> tuple[Axis, Axis]:
     """Return the axes of the map.
 
@@ -191,8 +196,7 @@ def _looked_up(case: Case, changed: dict[str, float], check: Callable[[], None])
 def _run(case: Case, changed: dict[str, float], check: Callable[[], None]) -> Cell:
     """Return which model suits by running all of them along one dimension."""
     tables = case.model_dump(exclude={"numbers"} if case.suspension is not None else set())
-    part = SUSPENSION if case.suspension is not None else NUMBERS
-    tables[part] |= changed
+    tables[kind_of(case)] |= changed
     if case.grid.dimensions > 1:
         tables["grid"] = {"points": [POINTS]}
         tables["run"] |= {"adaptive_points": False}

@@ -10,7 +10,6 @@ from typing import Any
 from triboflux import presets
 from triboflux.drag import LAWS as DRAG_LAWS
 from triboflux.model_errors import POINTS
-from triboflux.numbers import Numbers
 from triboflux.radial_distribution import LAWS as RADIAL_LAWS
 from triboflux.suitability import RANGES
 from triboflux.suspension import Suspension
@@ -136,8 +135,6 @@ FIELDS = {field.name: field for field in (*_SEVEN, *_PARTICLES, *_CASE)}
 USUAL_PRESET = "glass-beads"
 """What a suspension starts with."""
 
-_SUSPENSION_TEXTS = ("drag", "radial_distribution")
-
 
 def preset_texts(name: str) -> dict[str, str]:
     """Return the texts of a suspension's fields for a preset.
@@ -162,14 +159,6 @@ def suspension_texts(suspension: Suspension) -> dict[str, str]:
         value = getattr(suspension, field.name.removeprefix("suspension."))
         texts[field.name] = value if isinstance(value, str) else field.text(value)
     return texts
-
-
-def number_texts(numbers: Numbers) -> dict[str, str]:
-    """Return the texts that the page has for the seven numbers."""
-    return {
-        field.name: f"{getattr(numbers, field.name.removeprefix('numbers.')):.6g}"
-        for field in _SEVEN
-    }
 
 
 def starts() -> dict[str, str]:

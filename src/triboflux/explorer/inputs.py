@@ -9,14 +9,13 @@ from typing import Any, cast
 from triboflux import presets
 from triboflux.case import MODEL_NAMES, Case
 from triboflux.errors import InputError, shown
-from triboflux.explorer.fields import FIELDS, NUMBERS, SUSPENSION, starts
+from triboflux.explorer.fields import FIELDS, NUMBERS, SUSPENSION, preset_texts, starts
 from triboflux.model_errors import POINTS
 
 MOST_MODELS = 3
 """How many models are drawn at a time."""
 
 _LONGEST_TEXT = 300
-_DIMENSIONLESS = ("restitution", "poisson_ratio", "solid_fraction", "maximum_packing")
 
 
 @dataclass(frozen=True)
@@ -52,15 +51,15 @@ def read(values: Mapping[str, Any]) -> Inputs:
         nothing is trusted.
     """
     errors: dict[str, str] = {}
-    texts = starts() | _texts(values.get("fields"))
+    usual = starts()
+    texts = usual | _texts(values.get("fields"))
     given = dict(texts)
     models = _models(values.get("models"), errors)
     kind = SUSPENSION if values.get("kind") == SUSPENSION else NUMBERS
     for name, text in texts.items():
         if len(text) > _LONGEST_TEXT:
             errors[name] = f"{name} has {len(text)} characters, but may have {_LONGEST_TEXT}."
-            texts[name] = starts()[name]
-    usual = starts()
+            texts[name] = usual[name]
     while True:
         try:
             case = Case(**_tables(kind, texts, values))
@@ -145,15 +144,9 @@ def _table(kind: str, texts: Mapping[str, str], values: Mapping[str, Any]) -> di
     preset = values.get("preset")
     if preset in presets.NAMES:
         marked = presets.fill(preset, {})
-        same = table["youngs_modulus"] == _preset_modulus(str(preset))
+        same = table["youngs_modulus"] == preset_texts(preset)["suspension.youngs_modulus"]
         table["softened_modulus"] = bool(marked.get("softened_modulus", False)) and same
     return table
-
-
-def _preset_modulus(preset: str) -> str:
-    from triboflux.explorer.fields import preset_texts
-
-    return preset_texts(preset)["suspension.youngs_modulus"]
 
 
 def _with_unit(name: str, text: str) -> Any:

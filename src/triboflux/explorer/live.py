@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from triboflux.advice import Advice, choice
+from triboflux.advice import Advice, advice_from, advice_outside
 from triboflux.case import MODEL_NAMES, Case
 from triboflux.compare import with_changes
 from triboflux.comparison import relative_errors
 from triboflux.errors import InputError, TribofluxError
-from triboflux.model_errors import CHEAPEST_FIRST, OK, ModelError, ModelErrors, outside
+from triboflux.model_errors import CHEAPEST_FIRST, OK, ModelError, ModelErrors
 from triboflux.suitability import NOT_HALVED
 from triboflux.validation import SMALLEST
 
@@ -243,28 +243,30 @@ def advice_of(case: Case, found: dict[str, ModelRun]) -> Advice:
     found : dict of str to ModelRun
         By model.
     """
-    beyond = outside(case.numbers, case.closures)
+    beyond = advice_outside(case.numbers, case.closures)
     if beyond is not None:
-        reason = f"{beyond.reason}: no model is judged against the full one."
-        return Advice("full", (reason,), (), "none")
+        return beyond
     if not set(CHEAPEST_FIRST) <= set(found):
         reason = f"On more than {LARGE} points only the drawn models are run."
         return Advice(NOT_JUDGED, (reason,), (), "none")
+    return advice_from(_errors(case, found), "computed")
+
+
+def _errors(case: Case, found: dict[str, ModelRun]) -> ModelErrors:
+    """Return the errors of the reduced models, or why there are none."""
     full = found[REFERENCE]
     if full.status != OK:
-        reason = f"No reduced model can be judged: the full model: {full.reason}."
-        return Advice("full", (reason,), (), "none")
+        return ModelErrors(full.status, f"the full model: {full.reason}")
     if full.stop_time is None and case.run.stop_at_peak_charge is not None:
         reason = f"{NOT_HALVED}: the largest charge has not fallen by t = {case.run.t_end:g}"
-        return Advice("full", (f"No reduced model can be judged: {reason}.",), (), "none")
+        return ModelErrors(NOT_HALVED, reason)
     errors = tuple(
         ModelError(name, OK, error, error, error)
         if (error := found[name].error) is not None
         else ModelError(name, _status(found[name]))
         for name in CHEAPEST_FIRST
     )
-    model, reasons = choice(ModelErrors(OK, models=errors), "computed")
-    return Advice(model, reasons, errors, "computed")
+    return ModelErrors(OK, models=errors)
 
 
 def _status(run: ModelRun) -> str:

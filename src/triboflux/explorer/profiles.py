@@ -128,8 +128,12 @@ class Drawing:
         equations: list[dict[str, Any]] = []
         for moment in map(str, found.data_vars):
             values = self._along(found[moment])
-            names = [str(name) for name in found[f"{moment}_term"].values]
-            numbers = [str(number) for number in found[f"{moment}_equation"].values]
+            # all components of a tensor have the terms of its one equation
+            axis = str(found[moment].dims[0])
+            names = [str(name) for name in found[axis].values]
+            numbers = [
+                str(number) for number in found[f"{axis.removesuffix('_term')}_equation"].values
+            ]
             terms = [
                 {
                     "name": name,

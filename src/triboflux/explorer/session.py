@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from triboflux.case import CLOSURE_NAMES, Case
+from triboflux.compare import DEFAULT_MODELS
 from triboflux.errors import InputError, TribofluxError, require_one_of
 from triboflux.explorer import answer, chart, downloads, profiles
 from triboflux.explorer.fields import USUAL_PRESET, described, positions, preset_texts
@@ -89,6 +90,7 @@ class Session:
             closures=answer.closure_words(),
             presets=list(PRESETS),
             usual_preset=USUAL_PRESET,
+            usual_models=list(DEFAULT_MODELS),
             most_models=MOST_MODELS,
             axes={kind: chart.choices(kind) for kind in chart.USUAL_AXES},
             usual_axes={kind: list(names) for kind, names in chart.USUAL_AXES.items()},
@@ -183,8 +185,7 @@ class Session:
         """Compute what is missing of the map, around the current case first."""
         case = inputs.case
         assert case is not None
-        kind = "suspension" if case.suspension is not None else "numbers"
-        axes = chart.axes_of(kind, values.get("axes"))
+        axes = chart.axes_of(chart.kind_of(case), values.get("axes"))
         plane = chart.plane_of(case, axes)
         if plane != self._plane:
             self._plane, self._cells = plane, {}

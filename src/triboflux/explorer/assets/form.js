@@ -21,7 +21,7 @@ export class Form {
         this.presets(setup.presets, setup.usual_preset, wantPreset), this.units(), ...this.rows("suspension"),
         el("details", {}, el("summary", {}, "Gas, drag and packing"), ...this.rows("more")),
       ]),
-      this.models(setup.models), this.closures(setup.closures),
+      this.models(setup.models, setup.usual_models), this.closures(setup.closures),
       this.group("case", "The case", this.rows("case"), true),
     )
     this.note("", null)
@@ -140,10 +140,10 @@ export class Form {
     return el("div", {class: "field"}, el("label", {for: "units"}, "Show results in"), this.unit)
   }
 
-  models(words) {
-    this.boxes = Object.entries(words).map(([name, told], i) => {
+  models(words, usual) {
+    this.boxes = Object.entries(words).map(([name, told]) => {
       const box = el("input", {type: "checkbox", name: "model", value: name,
-        checked: i < 2 || name === "gradient", "aria-describedby": "error-models",
+        checked: usual.includes(name), "aria-describedby": "error-models",
         onchange: () => this.changed(true)})
       return [box, el("label", {class: "pick"}, box, el("span", {}, el("b", {}, name), el("br"),
         el("span", {class: "hint"}, told.replace(/^the [\w -]+? model: /, ""))))]

@@ -53,11 +53,7 @@ export class Map2D {
 
   // Where a value stands between the ends of an axis, from 0 to 1.
   part(number, value) {
-    const {name, values} = this.axes[number]
-    const field = this.form.fields.get(name)
-    const log = field.logarithmic ? Math.log : (v) => v
-    const low = log(values[0]), high = log(values.at(-1))
-    return Math.min(Math.max((log(value) - low) / (high - low), 0), 1)
+    return this.form.part(this.form.fields.get(this.axes[number].name), value)
   }
 
   toX(part) { return LEFT + part * (WIDTH - LEFT - RIGHT) }
@@ -157,10 +153,8 @@ export class Map2D {
 
   move(parts) {
     this.parts = parts.map((part) => Math.min(Math.max(part, 0), 1))
-    this.axes.forEach(({name, values}, number) => {
-      const log = this.form.fields.get(name).logarithmic
-      const low = values[0], high = values.at(-1), part = this.parts[number]
-      this.form.set(name, log ? low * (high / low) ** part : low + (high - low) * part)
+    this.axes.forEach(({name}, number) => {
+      this.form.set(name, this.form.value(this.form.fields.get(name), this.parts[number]))
     })
     this.show()
     this.moved(false)

@@ -5,14 +5,18 @@ import {shown, svg, ticks} from "./dom.js"
 const WIDTH = 430, HEIGHT = 218
 const LEFT = 58, RIGHT = 16, TOP = 26, BOTTOM = 34
 
-export function extent(arrays) {
+export function range(values) {
   let low = Infinity, high = -Infinity
-  for (const values of arrays) {
-    for (const value of values) {
-      if (value < low) low = value
-      if (value > high) high = value
-    }
+  for (const value of values) {
+    if (value < low) low = value
+    if (value > high) high = value
   }
+  return [low, high]
+}
+
+export function extent(arrays) {
+  const ends = arrays.map(range)
+  const low = Math.min(...ends.map(([least]) => least)), high = Math.max(...ends.map(([, most]) => most))
   if (!(low <= high)) return [-1, 1]
   const room = 0.06 * (high - low) || Math.max(Math.abs(high), 1e-30) * 0.1
   return [low - room, high + room]
@@ -29,10 +33,10 @@ export class Panel {
   axes(x, [low, high], lines, xLabel) {
     const first = x[0], step = x[1] - x[0]
     const last = first + step * x.length
-    this.x = Array.from(x, (value) => LEFT + ((value - first) / (last - first)) * (WIDTH - LEFT - RIGHT))
     this.end = WIDTH - RIGHT
     this.toY = (value) => HEIGHT - BOTTOM - ((value - low) / (high - low)) * (HEIGHT - TOP - BOTTOM)
     const toX = (value) => LEFT + ((value - first) / (last - first)) * (WIDTH - LEFT - RIGHT)
+    this.x = Array.from(x, toX)
     const bottom = HEIGHT - BOTTOM
     const marks = []
     for (const tick of ticks(low, high)) {
@@ -75,13 +79,4 @@ export class Panel {
   describe(text) {
     this.node.setAttribute("aria-label", text)
   }
-}
-
-export const range = (values) => {
-  let low = Infinity, high = -Infinity
-  for (const value of values) {
-    if (value < low) low = value
-    if (value > high) high = value
-  }
-  return [low, high]
 }
