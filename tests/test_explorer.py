@@ -1,5 +1,6 @@
 """The explorer behind its page: fields to cases, work in turn, messages, downloads, refusals."""
 
+import asyncio
 import runpy
 import socket
 import sys
@@ -13,7 +14,7 @@ from triboflux.case import MODEL_NAMES, Case
 from triboflux.closures import NAMES as CLOSURES
 from triboflux.compare import DEFAULT_MODELS
 from triboflux.errors import InputError
-from triboflux.explorer import answer, chart, downloads, fields, inputs, live, worker
+from triboflux.explorer import answer, chart, downloads, fields, inputs, live, server, worker
 from triboflux.explorer.session import Session
 from triboflux.model_errors import CHEAPEST_FIRST
 from triboflux.presets import NAMES as PRESETS
@@ -233,6 +234,21 @@ def test_what_is_known_at_once_needs_no_run():
     by_hand = answer.at_once(inputs.read(NUMBERS).case)
     assert by_hand["advice"] is None
     assert len(by_hand["closures"]) == len(known["closures"]) > 20
+
+
+def test_a_page_that_is_closed_while_it_is_told_something_is_no_failure(caplog):
+    from tornado.websocket import WebSocketClosedError
+
+    async def left_unhandled(error):
+        asyncio.get_running_loop().set_exception_handler(server.unless_page_closed)
+        future = asyncio.get_running_loop().create_future()
+        future.set_exception(error)
+        del future
+
+    asyncio.run(left_unhandled(WebSocketClosedError()))
+    assert not caplog.records
+    asyncio.run(left_unhandled(ZeroDivisionError()))
+    assert [record.exc_info[0] for record in caplog.records] == [ZeroDivisionError]
 
 
 def test_port_that_is_taken_is_refused():

@@ -59,6 +59,7 @@ def command(port: int | None, *, browser: bool, quiet: bool) -> None:
     server = make_server(port)
     address = f"http://{ADDRESS}:{port}/"
     loop = asyncio.get_event_loop()
+    loop.set_exception_handler(unless_page_closed)
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, loop.stop)
     server.start()
@@ -74,6 +75,22 @@ def command(port: int | None, *, browser: bool, quiet: bool) -> None:
     sys.stderr.flush()
     # JAX may still be computing in other threads, under which an orderly exit pulls the rug
     os._exit(0)
+
+
+def unless_page_closed(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Report what a task left unhandled, but for a message to a page that was just closed.
+
+    Parameters
+    ----------
+    loop : asyncio.AbstractEventLoop
+        The server's.
+    context : dict
+        What asyncio tells about it.
+    """
+    from tornado.websocket import WebSocketClosedError
+
+    if not isinstance(context.get("exception"), WebSocketClosedError):
+        loop.default_exception_handler(context)
 
 
 def _free(port: int | None) -> int:
