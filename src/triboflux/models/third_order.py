@@ -102,7 +102,7 @@ def trace_of(term: t.Term) -> t.Term:
 
 
 def third_order(coefficients: TransportCoefficients) -> Model:
-    """Return the third-order model.
+    """Return the third-order model: the full one with an equation for ⟨ξ'c'c'⟩.
 
     Parameters
     ----------
