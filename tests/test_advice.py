@@ -3,7 +3,7 @@
 import pytest
 
 from triboflux import advice, model_table
-from triboflux.advice import advise, choice
+from triboflux.advice import advice_from, advise
 from triboflux.errors import InputError
 from triboflux.model_errors import CHEAPEST_FIRST, ModelError, ModelErrors
 from triboflux.model_table import Coordinates, numbers_at
@@ -40,8 +40,9 @@ def errors(*values, spread=1.0):
     ],
 )
 def test_the_cheapest_model_within_the_tolerance(values, model):
-    found, reasons = choice(errors(*values), "computed")
-    assert found == model
+    proposed = advice_from(errors(*values), "computed")
+    assert proposed.model == model
+    reasons = proposed.reasons
     assert not any("--compute" in reason for reason in reasons)
     if model == "full":
         assert reasons[-1] == "No reduced model is within 5 % of the full one."
@@ -52,7 +53,7 @@ def test_the_cheapest_model_within_the_tolerance(values, model):
 
 
 def test_luck_is_told():
-    _, reasons = choice(errors(1.0, 0.02, "nonphysical", 0.2), "computed")
+    reasons = advice_from(errors(1.0, 0.02, "nonphysical", 0.2), "computed").reasons
     assert reasons[0] == (
         "The gradient model's error of 2 % is luck: the semi-algebraic model, which leaves out "
         "less, has 20 %."
@@ -61,16 +62,16 @@ def test_luck_is_told():
 
 def test_what_the_table_leaves_open_is_told():
     near = errors(0.9, 0.04, "beside entries without error (nonphysical)", 0.01, spread=1.5)
-    model, reasons = choice(near, "table")
-    assert model == "semi-algebraic"
-    assert reasons == (
+    proposed = advice_from(near, "table")
+    assert proposed.model == "semi-algebraic"
+    assert proposed.reasons == (
         "The semi-algebraic model is the cheapest within 5 %: its error is 1 % (0.67 % to 1.5 %).",
         "The table leaves open whether gradient or algebraic is, too; `triboflux numbers "
         "--compute` runs all models for exactly this case.",
     )
     # what is dearer than the proposed model does not matter, nor what is surely wrong
-    _, reasons = choice(errors(0.9, 0.01, 0.05, 0.01, spread=1.5), "table")
-    assert len(reasons) == 1
+    surely = advice_from(errors(0.9, 0.01, 0.05, 0.01, spread=1.5), "table")
+    assert len(surely.reasons) == 1
 
 
 def test_table_and_runs_agree_about_a_case():
