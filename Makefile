@@ -10,7 +10,7 @@ WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help venv reproduce test check docs links format bench evidence verdict lock clean
+.PHONY: help venv reproduce test coverage check docs links format bench evidence verdict lock clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1	\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -43,7 +43,10 @@ reproduce: $(VENV)/.installed ## compute the paper's figures into reproduction/
 	@mkdir -p reproduction
 	$(BIN)/triboflux reproduce -o reproduction --overwrite
 
-test: $(VENV)/.installed ## run the tests and report their coverage
+test: $(VENV)/.installed ## run the tests
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+
+coverage: $(VENV)/.installed ## run the tests, a third slower, and tell which lines they miss
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --cov --cov-report term $(ARGS)
 
 # The variable keeps pyright from asking for a newer release of itself.
