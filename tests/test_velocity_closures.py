@@ -7,6 +7,7 @@ import pytest
 import sympy
 
 from benchmarks import velocity_algebra as algebra
+from benchmarks import velocity_particles
 from benchmarks.collision_algebra import E
 from triboflux import sampling
 from triboflux.kinetic.ensemble import Ensemble, Parameters
@@ -185,6 +186,17 @@ def test_operators_add_and_reduce_to_one_axis():
         wave_answer(operator, axis, np.eye(3)), np.diag([isotropic + hessian, *[isotropic] * 2])
     )
     assert operator.conductivity() == isotropic + hessian / 3
+
+
+@pytest.mark.parametrize("diameter", [0.0, 0.003])
+def test_slow_waves_of_the_moment_equations_decay_by_conduction(diameter):
+    """The operator that simulated particles are compared with, at τ_c k = 0.0006."""
+    setting = velocity_particles.Setting(diameter, 1e-4, 1.0)
+    own, number = velocity_closures(1.0), ROOT_PI * diameter / setting.tau_c
+    flight = flight_dispersion(own, temperature=1.0, collision_rate=1e4, density_number=number)
+    whole = flight.plus(own.transfer.times(diameter**2 / setting.tau_c)).conductivity()
+    slowest = max(np.linalg.eigvals(velocity_particles.moment_matrix(setting)).real)
+    np.testing.assert_allclose(slowest, -whole * (2.0 * math.pi) ** 2, rtol=2e-3)
 
 
 # ------------------------------------------------------------------ sampled collisions
