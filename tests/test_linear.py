@@ -12,7 +12,7 @@ from tests.fields import PAPER, full_model
 from tests.runs import random_coefficients
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
-from triboflux.hierarchy import RANKS
+from triboflux.hierarchy import MODELS, RANKS
 from triboflux.integrators.isotropy import Part
 from triboflux.integrators.linear import DenseOperator, LinearOperator, block_operator
 from triboflux.models import Model, Term, evaluate
@@ -29,7 +29,7 @@ TIMES = (0.03, 0.7)
 grids = pytest.mark.parametrize("grid", GRIDS.values(), ids=GRIDS.keys())
 
 
-models = pytest.mark.parametrize("name", ["full", "third-order"])
+models = pytest.mark.parametrize("name", ["full", "third-order", "self-consistent"])
 
 
 def coupled_model(dimensions, name="full"):
@@ -87,8 +87,9 @@ def test_operator_is_the_sum_of_the_linear_terms(grid, name):
         (GRIDS["1-D"], "third-order"),
         (GRIDS["2-D"], "third-order"),
         (Grid((3, 4, 3), (1.0, 0.5, 2.0)), "third-order"),
+        (Grid((3, 4), (1.0, 0.5)), "self-consistent"),
     ],
-    ids=["1-D", "2-D", "1-D third-order", "2-D third-order", "3-D third-order"],
+    ids=["1-D", "2-D", "1-D third-order", "2-D third-order", "3-D third-order", "2-D self-consistent"],
 )
 def test_functions_are_those_of_the_dense_matrix(grid, name):
     model = coupled_model(grid.dimensions, name)
@@ -165,7 +166,8 @@ def test_tensors_need_no_larger_blocks_than_the_parts_that_turn_alike():
     [
         *(("full", moments) for moments in (["charge"], ["covariance"], ["variance"])),
         ("full", ["charge", "covariance", "variance"]),
-        ("third-order", list(RANKS)),
+        ("third-order", list(MODELS["third-order"].evolves)),
+        ("self-consistent", list(RANKS)),
         ("third-order", ["covariance_flux", "variance"]),
         ("third-order", ["covariance", "covariance_flux_trace"]),
     ],

@@ -15,7 +15,7 @@ from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.models import Model, Product, Term, evaluate
 from triboflux.models.full import VARIANCE_TIMES_FIELD
-from triboflux.models.terms import IDENTITY, fields_of
+from triboflux.models.terms import CHARGE_GRADIENT, FIELD, IDENTITY, fields_of
 from triboflux.moments import Moments
 from triboflux.numbers import Numbers
 
@@ -135,7 +135,7 @@ def test_a_term_acts_on_its_moment_only(grid):
 def test_fields_come_back_in_the_order_asked_for():
     grid = GRIDS[1]
     calculus, state = FourierCalculus(grid), random_coefficients(grid)
-    names = ("variance", "electric_field", "charge", "covariance", "charge_gradient")
+    names = ("variance", FIELD, "charge", "covariance", CHARGE_GRADIENT)
     found = eqx.filter_jit(fields_of)(calculus, state, names)
     expected = [
         state.variance,

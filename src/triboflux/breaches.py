@@ -11,6 +11,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
 from triboflux.models.model import ROUND_OFF, Model
 from triboflux.models.terms import values_of
+from triboflux.realizability import margin_of, realizability_margin, tensor_of
 
 if TYPE_CHECKING:
     from triboflux.integrate import Carry
@@ -45,7 +46,7 @@ def broken_limit(model: Model, grid: Grid, carry: Carry) -> str:
 
 
 def unrealizable_place(model: Model, grid: Grid, carry: Carry) -> str:
-    """Say where and when |C|² exceeds V most.
+    """Say where and when the covariance exceeds its bound most.
 
     Parameters
     ----------
@@ -57,11 +58,13 @@ def unrealizable_place(model: Model, grid: Grid, carry: Carry) -> str:
         Of the run, at the time in question.
     """
     fields = model.fields(FourierCalculus(grid), carry.coefficients)
-    squared = np.sum(np.asarray(fields.covariance) ** 2, axis=0)
-    margin = np.asarray(fields.variance) - squared
-    index = _lowest(margin, max(float(squared.max()), 1e-300))
+    tensor = fields.granular_temperature_tensor
+    variance = np.asarray(fields.variance)
+    margin = np.asarray(realizability_margin(fields.covariance, variance, tensor))
+    index = _lowest(margin, max(float((variance - margin).max()), 1e-300))
     return (
-        f"|C|² exceeds V by {-float(margin[index]):.3g}, the bound, at x = {_place(grid, index)}, "
+        f"{_squared(tensor is not None)} exceeds V by {-float(margin[index]):.3g}, the bound, "
+        f"at x = {_place(grid, index)}, "
         f"t = {float(carry.time):.6g}"
     )
 
@@ -104,6 +107,11 @@ def failed_place(model: Model, grid: Grid, carry: Carry) -> str:
     return f"the step size collapsed at {when}; {max(worst)[1]}"
 
 
+def _squared(evolved: bool) -> str:
+    """Return what must not exceed the variance."""
+    return "|C|²/R_cc" if evolved else "|C|²"
+
+
 class RealizabilityWatch:
     """Looks for |C|² > V in outputs that come in parts.
 
@@ -117,11 +125,8 @@ class RealizabilityWatch:
 
     def __init__(self, grid: Grid, *, closed_covariance: bool = False) -> None:
         self._grid = grid
-        self._reason = (
-            "The algebraic covariance does not know this bound."
-            if closed_covariance
-            else "Theta is held fixed while the field feeds C."
-        )
+        self._closed_covariance = closed_covariance
+        self._evolved = False
         self._lowest: list[tuple[float, float]] = []
         self._worst: tuple[float, float, str] = (np.inf, 0.0, "")
         self._last = np.zeros(0)
@@ -135,12 +140,14 @@ class RealizabilityWatch:
         times : np.ndarray
             Their times.
         fields : Mapping
-            With ``covariance[time, component, x…]`` and, if the model has one, ``variance[time,
-            x…]``.
+            With ``covariance[time, component, x…]`` and, if the model has them, ``variance[time,
+            x…]`` and the components of the granular temperature.
         """
         if "variance" not in fields:
             return
-        margin = fields["variance"] - np.sum(fields["covariance"] ** 2, axis=1)
+        dimensions = self._grid.dimensions
+        self._evolved = tensor_of(fields, dimensions) is not None
+        margin = margin_of(fields, dimensions)
         self._scale = max(self._scale, float(np.max(np.abs(fields["variance"]))))
         # whatever the scale will be, the first breach is lower than all before it
         for time, lowest in zip(times, margin.reshape(len(times), -1).min(axis=1), strict=True):
@@ -161,10 +168,18 @@ class RealizabilityWatch:
             return []
         margin, time, place = self._worst
         return [
-            f"not realizable: |C|² > V from t = {first:.4g} on (first output that shows it), "
+            f"not realizable: {_squared(self._evolved)} > V from t = {first:.4g} on (first output "
+            "that shows it), "
             f"by up to {-margin:.3g} at t = {time:.4g}, x = {place}; "
-            f"{float((self._last < least).mean()):.0%} of the box at the end. {self._reason}"
+            f"{float((self._last < least).mean()):.0%} of the box at the end. {self._reason()}"
         ]
+
+    def _reason(self) -> str:
+        if self._closed_covariance:
+            return "The algebraic covariance does not know this bound."
+        if self._evolved:
+            return "The closed fluxes of C, V and R_ij do not know this bound."
+        return "Theta is held fixed while the field feeds C."
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from triboflux.comparison import Comparison
 
 LINES: dict[str, dict[str, Any]] = {
+    "self-consistent": {"color": style.BROWN, "linestyle": (0, (8, 2))},
     "third-order": {"color": style.ORANGE, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
     "full": {"color": style.PURPLE, "linestyle": "-"},
     "semi-algebraic": {"color": style.BLACK, "linestyle": (0, (5, 2))},

@@ -18,6 +18,7 @@ import triboflux
 from triboflux.case import Case
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.fields import dimensions_of, labels_of
+from triboflux.realizability import margin_of
 
 FORMAT_VERSION = 1
 """Version of the file format; raised when older programs could not read newer files."""
@@ -111,8 +112,8 @@ def build_dataset(
         "peak_charge": peak_charge,
     }
     if variance is not None:
-        margin = np.asarray(variance) - (np.asarray(covariance) ** 2).sum(axis=1)
-        arrays |= {"variance": variance, "realizability_margin": margin}
+        arrays["variance"] = variance
+        arrays["realizability_margin"] = margin_of(arrays | further, case.grid.dimensions)
     arrays |= further
     variables: dict[str, Any] = {}
     for name, values in arrays.items():

@@ -30,15 +30,19 @@ MODEL_FIELDS = {
 }
 """Long name, scale, the scale's name in `Scales`, and SI unit of everything with a dimension."""
 
+_TEMPERATURE = ("Theta", "temperature", "m2 s-2")
+
 PARTICLE_FIELDS = {
     "number_density": ("particles per volume", "n", "number_density", "m-3"),
     "mean_velocity": ("mean velocity", "sqrt(Theta)", "velocity", "m s-1"),
-    "granular_temperature": ("granular temperature", "Theta", "temperature", "m2 s-2"),
-    "granular_temperature_xx": (
-        "variance of the velocity along x",
-        "Theta",
-        "temperature",
-        "m2 s-2",
+    "granular_temperature": ("granular temperature", *_TEMPERATURE),
+    **{
+        name: (f"mean of fluctuating velocities along {name[-2]} and {name[-1]}", *_TEMPERATURE)
+        for name in components("granular_temperature_tensor", 3)
+    },
+    "dissipated_energy": (
+        "energy per mass that collisions, contacts and drag have taken",
+        *_TEMPERATURE,
     ),
     "covariance_flux_xx": (
         "mean of fluctuating charge times velocity along x squared",
@@ -59,7 +63,7 @@ PARTICLE_FIELDS = {
         "C2 m s-1",
     ),
 }
-"""The same of what only a simulation of particles tells."""
+"""The same of what a simulation of particles tells, and models with further moments."""
 
 TENSOR_FIELDS = {
     name: (

@@ -16,11 +16,17 @@ RANKS = {
     "variance": 0,
     "covariance_flux": 2,
     "covariance_flux_trace": 0,
+    "granular_temperature_tensor": 2,
+    "granular_temperature": 0,
+    "dissipated_energy": 0,
 }
 """Rank of each moment; tensors are symmetric and have the components of the box's dimensions."""
 
-TRACES = {"covariance_flux": "covariance_flux_trace"}
-"""The moment that is a tensor's trace over three dimensions, whatever those of the box.
+TRACES = {
+    "covariance_flux": ("covariance_flux_trace", 1.0),
+    "granular_temperature_tensor": ("granular_temperature", 1.0 / 3.0),
+}
+"""The moment that is so many times a tensor's trace over three dimensions, whatever those of the box.
 
 Together they are the tensor of a three-dimensional state that is uniform in the other directions.
 """
@@ -42,6 +48,7 @@ class Known(NamedTuple):
 
 
 MODELS = {
+    "self-consistent": Known(tuple(RANKS)),
     "third-order": Known(
         ("charge", "covariance", "variance", "covariance_flux", "covariance_flux_trace")
     ),
@@ -56,7 +63,7 @@ MODELS = {
 
 def carries_trace(model: str) -> bool:
     """Return whether a model evolves the three-dimensional trace of a third-order moment."""
-    return any(trace in MODELS[model].evolves for trace in TRACES.values())
+    return any(trace in MODELS[model].evolves for trace, _ in TRACES.values())
 
 
 def components(moment: str, dimensions: int) -> dict[str, tuple[int, ...]]:
@@ -80,8 +87,9 @@ def components(moment: str, dimensions: int) -> dict[str, tuple[int, ...]]:
     """
     if RANKS[moment] < 2:
         return {moment: ()}
+    name = moment.removesuffix("_tensor")
     return {
-        f"{moment}_{DIMENSION_NAMES[i]}{DIMENSION_NAMES[j]}": (i, j)
+        f"{name}_{DIMENSION_NAMES[i]}{DIMENSION_NAMES[j]}": (i, j)
         for i in range(dimensions)
         for j in range(i, dimensions)
     }

@@ -67,7 +67,7 @@ def initial_moments(case: Case) -> dict[str, NDArray[np.float64]]:
     dict of str to numpy.ndarray
         Every moment of `triboflux.hierarchy.RANKS`, shaped and scaled as in `triboflux.moments`.
         Those that the case does not give are zero, as third-order moments are unless a file holds
-        them.
+        them; the granular temperature is one in every direction.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def initial_moments(case: Case) -> dict[str, NDArray[np.float64]]:
     if initial.file is not None:
         moments = _moments_of_file(case, initial.file)
     else:
-        moments = _nothing(grid)
+        moments = _at_rest(grid)
         moments["charge"] = sum_of_modes(initial.charge, grid)
         moments["variance"] = sum_of_modes(initial.variance, grid)
         for component, along in enumerate(moments["covariance"]):
@@ -88,9 +88,15 @@ def initial_moments(case: Case) -> dict[str, NDArray[np.float64]]:
     return moments
 
 
-def _nothing(grid: GridSpec) -> dict[str, NDArray[np.float64]]:
-    """Return moments that vanish."""
-    return {name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()}
+def _at_rest(grid: GridSpec) -> dict[str, NDArray[np.float64]]:
+    """Return the moments of particles without charge in a Maxwellian of the first temperature."""
+    moments = {
+        name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()
+    }
+    moments["granular_temperature"][...] = 1.0
+    for direction in range(grid.dimensions):
+        moments["granular_temperature_tensor"][direction, direction] = 1.0
+    return moments
 
 
 def sum_of_modes(modes: Sequence[Mode], grid: GridSpec) -> NDArray[np.float64]:
@@ -190,7 +196,7 @@ def _moments_of_file(case: Case, file: str) -> dict[str, NDArray[np.float64]]:
                 f"{name}, whose grid has {what} {list(theirs)}, but grid.{what} is {list(ours)}",
             )
     last = start.to_scaled().dataset.isel(time=-1)
-    moments = _nothing(case.grid)
+    moments = _at_rest(case.grid)
     # What the model closes or neglects need not be there, and need not make sense.
     for moment in MODELS[case.model].evolves:
         for variable, place in components(moment, case.grid.dimensions).items():

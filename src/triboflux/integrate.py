@@ -25,6 +25,7 @@ from triboflux.integrators.root import Illinois
 from triboflux.models.model import Model
 from triboflux.models.terms import Term, evaluate
 from triboflux.moments import Moments
+from triboflux.realizability import realizability_margin
 from triboflux.resolution import resized, unresolved
 
 # Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
@@ -57,8 +58,8 @@ class Settings(eqx.Module):
     stop_at_rate : Scalar or None
         Stop when the rms of ∂Q/∂t falls to this value, scaled by Q0 √Θ/L.
     realizability_bound : Scalar or None
-        Stop when |C|² − V rises to this value on one of the points, scaled by Q0²; for models with
-        a variance.
+        Stop when |C|² − V, or what takes its place where R_ij is evolved (`realizability_margin`),
+        rises to this value on one of the points, scaled by Q0²; for models with a variance.
     while_resolved : bool
         Return after a step at whose end the grid is too coarse; see `resolution.unresolved`.
     max_steps : int
@@ -331,8 +332,9 @@ def _bounds(
 
         def margin(y: Moments) -> Array:
             fields = model.fields(calculus, y)
-            breach = jnp.sum(fields.covariance**2, axis=0) - fields.variance
-            return realizability_bound - jnp.max(breach)
+            tensor = fields.granular_temperature_tensor
+            margins = realizability_margin(fields.covariance, fields.variance, tensor)
+            return realizability_bound + jnp.min(margins)
 
         bounds["unrealizable"] = margin
     return bounds

@@ -35,6 +35,13 @@ class Moments(eqx.Module):
         Third-order moment T_ij = ⟨ξ'c'_i c'_j⟩, a tensor, dimensionless, scaled by Q0 Θ.
     covariance_flux_trace : Array or None
         Its trace T_mm = ⟨ξ'c'·c'⟩ over three dimensions, a scalar, scaled by Q0 Θ.
+    granular_temperature_tensor : Array or None
+        R_ij = ⟨c'_i c'_j⟩, a tensor, scaled by Θ at time 0.
+    granular_temperature : Array or None
+        A third of its trace over three dimensions, a scalar, scaled by Θ at time 0.
+    dissipated_energy : Array or None
+        What collisions, contacts and drag have taken of the particles' kinetic energy and the
+        field's since time 0, a scalar, per mass of particles, scaled by Θ at time 0.
     """
 
     charge: Any = None
@@ -42,6 +49,9 @@ class Moments(eqx.Module):
     variance: Any = None
     covariance_flux: Any = None
     covariance_flux_trace: Any = None
+    granular_temperature_tensor: Any = None
+    granular_temperature: Any = None
+    dissipated_energy: Any = None
 
     def __add__(self, other: Moments) -> Moments:
         """Add two states moment by moment; ``None`` counts as zero."""

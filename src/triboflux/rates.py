@@ -217,7 +217,9 @@ def closure_rates(
     )
 
 
-def scaled_rates(closures: ClosureValues, numbers: Any) -> ClosureRates:
+def scaled_rates(
+    closures: ClosureValues, numbers: Any, velocity: Any = 1.0, transfer: Any = 1.0
+) -> ClosureRates:
     """Return the coefficients of the scaled equations (5.2)-(5.4).
 
     Parameters
@@ -226,6 +228,10 @@ def scaled_rates(closures: ClosureValues, numbers: Any) -> ClosureRates:
         All closure coefficients, made for the restitution of `numbers`.
     numbers : Numbers
         The seven dimensionless numbers; values may be traced JAX scalars.
+    velocity : scalar
+        Root of a granular temperature other than that of the numbers, scaled by √Θ.
+    transfer : scalar
+        ``velocity**(1 + a)``, what the charge that collisions pass over grows with.
 
     Returns
     -------
@@ -236,11 +242,11 @@ def scaled_rates(closures: ClosureValues, numbers: Any) -> ClosureRates:
         closures,
         restitution=numbers.restitution,
         diameter=1.0 / numbers.length_ratio,
-        velocity=1.0,
-        collision_time=numbers.tau_c,
+        velocity=velocity,
+        collision_time=numbers.tau_c / velocity,
         drag_rate=1.0 / numbers.tau_p,
-        dispersion=1.0 / numbers.peclet,
-        conduction=1.0 / numbers.tau_sigma,
+        dispersion=transfer / numbers.peclet,
+        conduction=transfer / numbers.tau_sigma,
     )
 
 

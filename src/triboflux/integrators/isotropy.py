@@ -191,10 +191,10 @@ class _Sources:
         ``n·T n`` and T_mm it is ``f T + ½ (b − a) δ + ½ (3a − b) n n + n v + v n``, v transverse.
         """
         own = self._factors[Part(name, 2), Part(name, 2)]
-        trace = TRACES[name]
+        trace, weight = TRACES[name]
         rest = _summed(own, getattr(self._states, name), 3)
         a = self._scalar(Part(name, 0), {name: own})
-        b = self._scalar(Part(trace, 0), {trace: own})
+        b = _times(1.0 / weight, self._scalar(Part(trace, 0), {trace: own}))
         turned, along = self._transverse(Part(name, 1), own)
         # of ``i v`` the longitudinal part counts twice in n v + v n
         beyond = self._weighted({source: 2.0 * factor for source, factor in along.items()})

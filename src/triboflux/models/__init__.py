@@ -5,7 +5,7 @@ from __future__ import annotations
 from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import InputError, nearest
-from triboflux.hierarchy import carries_trace
+from triboflux.hierarchy import MODELS, carries_trace
 from triboflux.models.coefficients import (
     TransportCoefficients,
     transport_coefficients,
@@ -14,11 +14,14 @@ from triboflux.models.coefficients import (
 from triboflux.models.full import full
 from triboflux.models.model import Model
 from triboflux.models.reduced import algebraic, collisional, gradient, semi_algebraic
+from triboflux.models.self_consistent import self_consistent
 from triboflux.models.terms import Operator, Product, Term, evaluate
 from triboflux.models.third_order import third_order
+from triboflux.models.varying import TEMPERATURE, LocalCoefficients
 from triboflux.numbers import Numbers
 
 REGISTRY = {
+    "self-consistent": self_consistent,
     "third-order": third_order,
     "full": full,
     "semi-algebraic": semi_algebraic,
@@ -78,7 +81,9 @@ def build(
     if isinstance(closure_set, str):
         closure_set = closures.by_name(closure_set, numbers.restitution, exponent)
     n_t = trace_dimensions(name, closure_set, dimensions)
-    return REGISTRY[name](transport_coefficients(numbers, closure_set, dimensions, n_t))
+    local = LocalCoefficients.of(numbers, closure_set, dimensions, n_t)
+    varies = TEMPERATURE in MODELS[name].evolves
+    return REGISTRY[name](local if varies else local.reference())
 
 
 def trace_dimensions(name: str, closure_set: ClosureSet, dimensions: int) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -13,7 +13,8 @@ from triboflux.hierarchy import MODELS
 from triboflux.numbers import Numbers
 from triboflux.rates import scaled_rates, transfer_warnings
 
-Scalar: TypeAlias = float | Float[Array, ""]
+Scalar: TypeAlias = float | Float[Array, "..."]
+"""One number, or one for each point where the granular temperature varies."""
 
 
 class TransportCoefficients(eqx.Module):
@@ -59,6 +60,8 @@ class TransportCoefficients(eqx.Module):
         The bracket of (4.3), 1/Dv_kin.
     transferred_fraction : Scalar
         γΘ^(a/2), the mean fraction of the charge difference that a collision passes over.
+    granular_temperature : Scalar
+        Θ that they hold for, scaled by that of the numbers.
     """
 
     flux: Scalar
@@ -80,6 +83,7 @@ class TransportCoefficients(eqx.Module):
     variance_collisional_dispersion: Scalar
     variance_flux_destruction: Scalar
     transferred_fraction: Scalar
+    granular_temperature: Scalar = 1.0
 
     @property
     def longitudinal_dispersion(self) -> Scalar:
@@ -88,10 +92,11 @@ class TransportCoefficients(eqx.Module):
 
 
 def transport_coefficients(
-    numbers: Numbers,
-    closure_set: ClosureSet,
+    numbers: Any,
+    closure_set: Any,
     dimensions: int,
     trace_dimensions: int | None = None,
+    velocity: Scalar = 1.0,
 ) -> TransportCoefficients:
     """Return the coefficients of the transport equations.
 
@@ -100,27 +105,31 @@ def transport_coefficients(
     numbers : Numbers
         The seven dimensionless numbers. Values may be traced JAX scalars.
     closure_set : ClosureSet
-        Made for the restitution of `numbers`.
+        Made for the restitution of `numbers`, or its values in a pytree.
     dimensions : int
         Number of space dimensions of the grid, which `published` takes as that of a trace.
     trace_dimensions : int, optional
         n_t, instead of what the closure set takes.
+    velocity : Scalar or Array
+        Root of a granular temperature other than that of the numbers, scaled by √Θ; an array makes
+        arrays of the coefficients that depend on it.
 
     Returns
     -------
     TransportCoefficients
         Not checked; see `validity`.
     """
-    rates = scaled_rates(closure_set, numbers)
+    transfer = velocity ** (1.0 + closure_set.exponent)
+    rates = scaled_rates(closure_set, numbers, velocity, transfer)
     k1, k2 = rates.third_moment, rates.third_moment_trace
     g1, g2 = rates.shear, rates.divergence
-    n_t = closure_set.trace_dimensions(dimensions)
-    n_t = n_t if trace_dimensions is None else trace_dimensions
+    n_t = trace_dimensions
+    n_t = closure_set.trace_dimensions(dimensions) if n_t is None else n_t
     trace_part = k2 * (2.0 * g1 + n_t * g2) / (k1 + n_t * k2)
     return TransportCoefficients(
         flux=1.0 + rates.collisional_flux,
-        triboconductivity=1.0 / numbers.tau_sigma,
-        dispersion=1.0 / numbers.peclet,
+        triboconductivity=transfer / numbers.tau_sigma,
+        dispersion=transfer / numbers.peclet,
         gradient_production=rates.gradient_production,
         field_production=rates.field_production,
         electric_force=numbers.energy_ratio,
@@ -137,6 +146,7 @@ def transport_coefficients(
         variance_collisional_dispersion=rates.variance_collisional_dispersion,
         variance_flux_destruction=rates.variance_flux_destruction,
         transferred_fraction=rates.transferred_fraction,
+        granular_temperature=velocity**2,
     )
 
 
@@ -177,6 +187,7 @@ def validity(
     }
     first, *_ = positive
     contained = {
+        "self-consistent": tuple(positive),
         "third-order": tuple(positive),
         "full": tuple(positive),
         "semi-algebraic": (first, "the relaxation rate of ⟨ξ'ξ'c'⟩ in Dv_kin"),

@@ -7,9 +7,9 @@ from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.model import Model
 
-VARIANCE_TIMES_FIELD = t.Product("V E", ("variance", "electric_field"), lambda v, e: v[None] * e)
-FLUX_ALONG_GRADIENT = t.Product("C·∇Q", ("covariance", "charge_gradient"), t.dot)
-FIELD_SQUARED = t.Product("|E|²", ("electric_field",), lambda e: t.dot(e, e))
+VARIANCE_TIMES_FIELD = t.Product("V E", ("variance", t.FIELD), lambda v, e: v[None] * e)
+FLUX_ALONG_GRADIENT = t.Product("C·∇Q", ("covariance", t.CHARGE_GRADIENT), t.dot)
+FIELD_SQUARED = t.Product("|E|²", (t.FIELD,), lambda e: t.dot(e, e))
 
 
 def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
@@ -145,7 +145,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "variance",
             t.LAPLACIAN,
             "variance",
-            1.0 / c.variance_flux_destruction,
+            c.granular_temperature / c.variance_flux_destruction,
         ),
     )
 

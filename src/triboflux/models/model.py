@@ -101,7 +101,7 @@ class Model(eqx.Module):
         last: list[Term] = []
         for term in self.terms:
             if isinstance(term.source, Product):
-                (last if slaved in term.source.reads else first).append(term)
+                (last if term.source.reads_moment(slaved) else first).append(term)
         return tuple(tuple(group) for group in (first, last) if group)
 
     def right_hand_side(self, discretisation: Discretisation, state: Moments) -> Moments:

@@ -47,16 +47,16 @@ def _force(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     return _variance(gradient, field, *parameters)[None] * field
 
 
-_GRADIENT_AND_FIELD = ("charge_gradient", "electric_field")
+_GRADIENT_AND_FIELD = (t.CHARGE_GRADIENT, t.FIELD)
 ALGEBRAIC_VARIANCE = t.Product("V", _GRADIENT_AND_FIELD, _variance)
 ALGEBRAIC_FORCE = t.Product("V E", _GRADIENT_AND_FIELD, _force)
 NUMERATOR = t.Product("B |E|² - 2 C0·∇Q", _GRADIENT_AND_FIELD, _numerator)
 DENOMINATOR = t.Product("F + 2 (u/R) E·∇Q", _GRADIENT_AND_FIELD, _denominator)
-GRADIENT_SQUARED = t.Product("|∇Q|²", ("charge_gradient",), lambda g: t.dot(g, g))
-FIELD_ALONG_GRADIENT = t.Product("E·∇Q", ("electric_field", "charge_gradient"), t.dot)
+GRADIENT_SQUARED = t.Product("|∇Q|²", (t.CHARGE_GRADIENT,), lambda g: t.dot(g, g))
+FIELD_ALONG_GRADIENT = t.Product("E·∇Q", (t.FIELD, t.CHARGE_GRADIENT), t.dot)
 FORCE_ALONG_GRADIENT = t.Product(
     "V E·∇Q",
-    ("variance", "electric_field", "charge_gradient"),
+    ("variance", t.FIELD, t.CHARGE_GRADIENT),
     lambda v, e, g: v * t.dot(e, g),
 )
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import functools as ft
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -77,6 +78,19 @@ def _isotropic(scalar: Array, dimensions: int) -> Array:
     return jnp.stack([jnp.stack([scalar if i == j else zero for j in along]) for i in along])
 
 
+def _composed(name: str, outer: Operator, inner: Operator) -> Operator:
+    """Return one operator after another; helicities that it does not keep vanish."""
+
+    def product(of_outer: Callable[[Array], Array], of_inner: Callable[[Array], Array]) -> Any:
+        return lambda k: of_outer(k) * of_inner(k)
+
+    symbols = map(product, outer.symbols, inner.symbols)
+    symbol, transverse, traceless = symbols
+    return Operator(
+        name, symbol, transverse, lambda d, f: outer.apply(d, inner.apply(d, f)), traceless
+    )
+
+
 def _inverse(k: Array) -> Array:
     return jnp.where(k > 0.0, 1.0 / jnp.where(k > 0.0, k, 1.0), 0.0)
 
@@ -107,16 +121,71 @@ ISOTROPIC_DIVERGENCE = Operator(
     "δ ∇·", lambda k: k, _zero, lambda d, f: _isotropic(d.divergence(f), d.grid.dimensions)
 )
 
+DIVERGENCE_OF_THIRD = Operator(
+    "∇·", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.divergence, row), f)
+)
+"""Of a tensor of rank three, over its last direction; only products are of that rank."""
+GRADIENT_OF_VECTOR = Operator("∇", _zero, _zero, lambda d, f: _rows(d.gradient, f))
+"""∂_j C_i at row i, column j, for products to read."""
+GRADIENT_OF_TENSOR = Operator(
+    "∇", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.gradient, row), f)
+)
+"""∂_k R_ij at i, j, k, for products to read."""
+HESSIAN = _composed("2 ∇∇", SYMMETRIC_GRADIENT, GRADIENT)
+ISOTROPIC_LAPLACIAN = _composed("δ ∇²", ISOTROPIC, LAPLACIAN)
+GRADIENT_OF_TENSOR_DIVERGENCE = _composed(
+    "(∇ + ∇ᵀ) ∇·", SYMMETRIC_GRADIENT, DIVERGENCE_OF_TENSOR
+)
+ISOTROPIC_DOUBLE_DIVERGENCE = _composed("δ ∇·∇·", ISOTROPIC_DIVERGENCE, DIVERGENCE_OF_TENSOR)
+DOUBLE_DIVERGENCE = _composed("∇·∇·", DIVERGENCE, DIVERGENCE_OF_TENSOR)
+
 TRACES = {
     IDENTITY: (IDENTITY, 1.0),
+    LAPLACIAN: (LAPLACIAN, 1.0),
     SYMMETRIC_GRADIENT: (DIVERGENCE, 2.0),
     ISOTROPIC: (IDENTITY, 3.0),
     ISOTROPIC_DIVERGENCE: (DIVERGENCE, 3.0),
+    HESSIAN: (LAPLACIAN, 2.0),
+    ISOTROPIC_LAPLACIAN: (LAPLACIAN, 3.0),
+    GRADIENT_OF_TENSOR_DIVERGENCE: (DOUBLE_DIVERGENCE, 2.0),
+    ISOTROPIC_DOUBLE_DIVERGENCE: (DOUBLE_DIVERGENCE, 3.0),
 }
 """Operator and factor that make the trace over three dimensions of what an operator makes.
 
-Of the identity on a tensor it is the identity on its trace.
+Of the identity and of ∇² on a tensor they are the same on its trace.
 """
+
+FLUXES = {
+    LAPLACIAN: (DIVERGENCE, GRADIENT),
+    DIVERGENCE: (DIVERGENCE, IDENTITY),
+    FIELD_DIVERGENCE: (DIVERGENCE, ELECTRIC_FIELD),
+}
+"""The outer and the inner derivative of operators that conserve a scalar.
+
+Between both stands a coefficient that depends on place.
+"""
+
+
+class Applied(NamedTuple):
+    """What products can read besides moments: an operator applied to one."""
+
+    operator: Operator
+    moment: str
+
+
+class Shared(NamedTuple):
+    """What products of one model have in common, evaluated once for all of them.
+
+    Attributes
+    ----------
+    reads : tuple of str or Applied
+        Fields.
+    function : Callable
+        Of their values on the points and of the term's parameters.
+    """
+
+    reads: tuple[str | Applied, ...]
+    function: Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -127,15 +196,30 @@ class Product:
     ----------
     name : str
         Mathematical notation.
-    reads : tuple of str
-        Names of the fields it multiplies, see `fields_of`.
+    reads : tuple of str, Applied or Shared
+        The fields it multiplies, see `fields_of`, and what it shares with other products.
     function : Callable
-        Values of these fields on the points, then the term's parameters -> values of the product.
+        Values of these on the points, then the term's parameters -> values of the product.
     """
 
     name: str
-    reads: tuple[str, ...]
+    reads: tuple[str | Applied | Shared, ...]
     function: Callable[..., Array]
+
+    def fields(self) -> tuple[str | Applied, ...]:
+        """Return the fields that have to be known."""
+        return tuple(
+            field
+            for read in self.reads
+            for field in (read.reads if isinstance(read, Shared) else (read,))
+        )
+
+    def reads_moment(self, moment: str) -> bool:
+        """Return whether a moment, or a derivative of it, is among what it multiplies."""
+        return any(
+            (read.moment if isinstance(read, Applied) else read) == moment
+            for read in self.fields()
+        )
 
 
 def dot(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "*x"]:
@@ -144,6 +228,14 @@ def dot(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array,
     Written out, because the compiler makes a sum over an axis a pass of its own over the points.
     """
     return ft.reduce(lambda a, b: a + b, (x * y for x, y in zip(left, right, strict=True)))
+
+
+def times(factor: Any, field: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return a number or a scalar field times a field of any rank."""
+    missing = field.ndim - jnp.ndim(factor)
+    return field * (
+        jnp.reshape(factor, (1,) * missing + jnp.shape(factor)) if jnp.ndim(factor) else factor
+    )
 
 
 class Term(eqx.Module):
@@ -165,8 +257,8 @@ class Term(eqx.Module):
         A moment's name for a linear term, a product otherwise.
     coefficient : float or Array
         Dimensionless factor, sign included.
-    parameters : tuple of float or Array
-        What the function of a product needs beside fields, dimensionless.
+    parameters : tuple
+        What the function of a product needs beside fields: pytrees, dimensionless.
     """
 
     name: str = eqx.field(static=True)
@@ -175,8 +267,8 @@ class Term(eqx.Module):
     moment: str = eqx.field(static=True)
     operator: Operator = eqx.field(static=True)
     source: str | Product = eqx.field(static=True)
-    coefficient: float | Float[Array, ""]
-    parameters: tuple[float | Float[Array, ""], ...] = ()
+    coefficient: float | Float[Array, "..."]
+    parameters: tuple[Any, ...] = ()
 
     @property
     def linear(self) -> bool:
@@ -184,12 +276,13 @@ class Term(eqx.Module):
         return isinstance(self.source, str)
 
 
-DERIVED_FIELDS = ("charge_gradient", "electric_field", "variance_gradient")
-"""Vectors that products can read besides the moments."""
+CHARGE_GRADIENT = Applied(GRADIENT, "charge")
+FIELD = Applied(ELECTRIC_FIELD, "charge")
+VARIANCE_GRADIENT = Applied(GRADIENT, "variance")
 
 
 def fields_of(
-    discretisation: Discretisation, state: Moments, names: tuple[str, ...]
+    discretisation: Discretisation, state: Moments, reads: tuple[str | Applied, ...]
 ) -> list[Array]:
     """Return values on the points of the named fields, transformed in one batch.
 
@@ -199,25 +292,22 @@ def fields_of(
         Where the state lives.
     state : Moments
         In the representation of the discretisation.
-    names : tuple of str
-        Moments, or among `DERIVED_FIELDS`.
+    reads : tuple of str or Applied
+        Moments, and operators applied to them.
     """
-    derived = {
-        "charge_gradient": lambda: discretisation.gradient(state.charge),
-        "electric_field": lambda: discretisation.electric_field(state.charge),
-        "variance_gradient": lambda: discretisation.gradient(state.variance),
-    }
-    parts = [derived[n]() if n in derived else getattr(state, n) for n in names]
-    ranks = [1 if n in derived else RANKS[n] for n in names]
-    rows = [
-        part[None] if rank == 0 else part.reshape((-1, *part.shape[rank:]))
-        for part, rank in zip(parts, ranks, strict=True)
+    parts = [
+        read.operator.apply(discretisation, getattr(state, read.moment))
+        if isinstance(read, Applied)
+        else getattr(state, read)
+        for read in reads
     ]
+    scalar = state.charge.ndim
+    rows = [part.reshape((-1, *part.shape[part.ndim - scalar :])) for part in parts]
     values = discretisation.values(jnp.concatenate(rows))
     results, at = [], 0
-    for part, rank, row in zip(parts, ranks, rows, strict=True):
+    for part, row in zip(parts, rows, strict=True):
         piece = values[at : at + len(row)]
-        results.append(piece.reshape((*part.shape[:rank], *piece.shape[1:])))
+        results.append(piece.reshape((*part.shape[: part.ndim - scalar], *piece.shape[1:])))
         at += len(row)
     return results
 
@@ -242,37 +332,58 @@ def evaluate(terms: tuple[Term, ...], discretisation: Discretisation, state: Mom
     Moments
         ``None`` for moments that no term acts on.
     """
-    sources = {t.name + t.moment: getattr(state, str(t.source)) for t in terms if t.linear}
-    sources |= _product_sources(terms, discretisation, state)
     total: dict[str, Array] = {}
+
+    def add(moment: str, value: Array) -> None:
+        total[moment] = total[moment] + value if moment in total else value
+
     for term in terms:
-        value = term.coefficient * term.operator.apply(
-            discretisation, sources[term.name + term.moment]
-        )
-        total[term.moment] = total[term.moment] + value if term.moment in total else value
+        if isinstance(term.source, str):
+            source = getattr(state, term.source)
+            add(term.moment, term.coefficient * term.operator.apply(discretisation, source))
+    sums: dict[tuple[str, Operator], Array] = {}
+    for term, value in _products(terms, discretisation, state):
+        key = term.moment, term.operator
+        sums[key] = sums[key] + value if key in sums else value
+    for (moment, operator), field in zip(sums, _back(sums, discretisation), strict=True):
+        add(moment, operator.apply(discretisation, field))
     return Moments(**total)
 
 
-def _product_sources(
+def _products(
     terms: tuple[Term, ...], discretisation: Discretisation, state: Moments
-) -> dict[str, Array]:
-    products = {t.name + t.moment: (t.source, t) for t in terms if isinstance(t.source, Product)}
+) -> list[tuple[Term, Array]]:
+    """Return the terms that are not linear and coefficient times product on the points."""
+    products = [(term, term.source) for term in terms if isinstance(term.source, Product)]
     if not products:
-        return {}
-    names = tuple(sorted({name for product, _ in products.values() for name in product.reads}))
-    fields = dict(zip(names, fields_of(discretisation, state, names), strict=True))
-    values = [
-        product.function(*(fields[name] for name in product.reads), *term.parameters)
-        for product, term in products.values()
-    ]
+        return []
+    reads = tuple(dict.fromkeys(field for _, product in products for field in product.fields()))
+    fields: dict[Any, Any] = dict(
+        zip(reads, fields_of(discretisation, state, reads), strict=True)
+    )
+    results: list[tuple[Term, Array]] = []
+    for term, product in products:
+        for read in product.reads:
+            if isinstance(read, Shared) and read not in fields:
+                known = (fields[field] for field in read.reads)
+                fields[read] = read.function(*known, *term.parameters)
+        known = (fields[read] for read in product.reads)
+        results.append((term, term.coefficient * product.function(*known, *term.parameters)))
+    return results
+
+
+def _back(sums: dict[Any, Array], discretisation: Discretisation) -> list[Array]:
+    """Return values on the points in the representation, transformed in one batch."""
+    if not sums:
+        return []
     dimensions = discretisation.grid.dimensions
-    rows = [value.reshape((-1, *value.shape[-dimensions:])) for value in values]
+    rows = [value.reshape((-1, *value.shape[-dimensions:])) for value in sums.values()]
     back = discretisation.from_values(jnp.concatenate(rows))
-    results, at = {}, 0
-    for key, value, row in zip(products, values, rows, strict=True):
+    results, at = [], 0
+    for value, row in zip(sums.values(), rows, strict=True):
         piece = back[at : at + len(row)]
         components = value.shape[: value.ndim - dimensions]
-        results[key] = piece.reshape((*components, *piece.shape[1:]))
+        results.append(piece.reshape((*components, *piece.shape[1:])))
         at += len(row)
     return results
 
@@ -295,13 +406,12 @@ def values_of(terms: tuple[Term, ...], discretisation: Discretisation, state: Mo
         Values on the points; ``None`` for moments that no term adds to.
     """
     total: dict[str, Array] = {}
-    for term in terms:
-        if isinstance(term.source, Product):
-            fields = fields_of(discretisation, state, term.source.reads)
-            values = term.source.function(*fields, *term.parameters)
-        else:
-            applied = term.operator.apply(discretisation, getattr(state, term.source))
-            values = discretisation.values(applied)
-        value = term.coefficient * values
+    products = _products(terms, discretisation, state)
+    linear = [
+        (term, term.coefficient * discretisation.values(term.operator.apply(discretisation, source)))
+        for term in terms
+        if isinstance(term.source, str) and (source := getattr(state, term.source)) is not None
+    ]
+    for term, value in (*linear, *products):
         total[term.moment] = total[term.moment] + value if term.moment in total else value
     return Moments(**total)

@@ -12,6 +12,7 @@ whatever those of the box.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from jaxtyping import Array, Float
@@ -26,16 +27,16 @@ DISPERSION = "dispersion"
 """Group of the covariance's terms that the divergence of T_ij stands for."""
 
 
-def _symmetric(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "d d *x"]:
+def symmetric(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "d d *x"]:
     """Return a_i b_j + a_j b_i."""
     product = left[:, None] * right[None]
     return product + product.swapaxes(0, 1)
 
 
-_GRADIENT_AND_FIELD = ("variance_gradient", "electric_field")
-GRADIENT_BY_FIELD = t.Product("∇V E + E ∇V", _GRADIENT_AND_FIELD, _symmetric)
+_GRADIENT_AND_FIELD = (t.VARIANCE_GRADIENT, t.FIELD)
+GRADIENT_BY_FIELD = t.Product("∇V E + E ∇V", _GRADIENT_AND_FIELD, symmetric)
 GRADIENT_ALONG_FIELD = t.Product("2 E·∇V", _GRADIENT_AND_FIELD, lambda g, e: 2.0 * t.dot(g, e))
-_TRACES_OF_PRODUCTS = {GRADIENT_BY_FIELD: GRADIENT_ALONG_FIELD}
+TRACES_OF_PRODUCTS = {GRADIENT_BY_FIELD: GRADIENT_ALONG_FIELD}
 
 
 def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
@@ -66,7 +67,7 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "electric force",
             t.IDENTITY,
             GRADIENT_BY_FIELD,
-            -c.electric_force / c.variance_flux_destruction,
+            -c.electric_force * c.granular_temperature / c.variance_flux_destruction,
         ),
         term("destruction", "destruction", t.IDENTITY, "covariance_flux", -c.third_moment),
         term(
@@ -79,25 +80,32 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     )
 
 
-def trace_of(term: t.Term) -> t.Term:
+def trace_of(term: t.Term, products: Mapping[t.Product, t.Product]) -> t.Term:
     """Return the term of a tensor's three-dimensional trace that belongs to one of the tensor.
 
     Parameters
     ----------
     term : Term
         Of an equation of a moment in `triboflux.hierarchy.TRACES`.
+    products : mapping
+        The traces of products that are tensors.
     """
     operator, factor = t.TRACES[term.operator]
+    moment, weight = TRACES[term.moment]
+    source: str | t.Product
     if isinstance(term.source, t.Product):
-        source: str | t.Product = _TRACES_OF_PRODUCTS[term.source]
+        source = products[term.source]
+    elif operator in (t.IDENTITY, t.LAPLACIAN) and term.source in TRACES:
+        source, of_source = TRACES[term.source]
+        factor = factor / of_source
     else:
-        source = TRACES.get(term.source, term.source)
+        source = term.source
     return replace(
         term,
-        moment=TRACES[term.moment],
+        moment=moment,
         operator=operator,
         source=source,
-        coefficient=factor * term.coefficient,
+        coefficient=weight * factor * term.coefficient,
     )
 
 
@@ -121,6 +129,6 @@ def third_order(coefficients: TransportCoefficients) -> Model:
         flux,
         *variance_terms(c),
         *tensor,
-        *map(trace_of, tensor),
+        *(trace_of(term, TRACES_OF_PRODUCTS) for term in tensor),
     )
     return Model("third-order", MODELS["third-order"].evolves, terms, c)
