@@ -222,7 +222,7 @@ def breaches() -> str:
     head.append("part of the box at t*")
     rows = []
     for case in PAPER_CASES:
-        for name in closures.NAMES:
+        for name in closures.PAPERS_EQUATIONS:
             found = breach(case, name)
             if found is None:
                 rows.append([case, f"`{name}`", "never", *["—"] * 5])

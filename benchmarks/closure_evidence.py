@@ -36,11 +36,28 @@ LETTERS = {
     "lambda_": "λ",
     "lambda": "λ",
     "rho_": "ρ",
+    "chi_": "χ",
     "kappa": "κ",
     "tau": "τ",
     "xi": "ξ",
 }
-SYMBOLS = {"collision_rate": "1/(τ_c n g0 d² √Θ)", "third_moment_exchange_trace": "K2, 1/τ_ξ"}
+SYMBOLS = {
+    "collision_rate": "1/(τ_c n g0 d² √Θ)",
+    "third_moment_exchange_trace": "K2, 1/τ_ξ",
+    "charge_third_moment_trace": "χ1, by ∇²T_mm",
+    "covariance_third_moment_trace": "χ2, by ∂_i T_mm",
+    "covariance_collisional_dispersion_divergence": "χ3, by ∇∇·C",
+    "third_moment_flux_trace": "χ4, by ∇²Q δ_ij",
+    "third_moment_flux_field": "χ4, by ∂_i E_j",
+    "third_moment_flux_field_trace": "χ4, by ∇·E δ_ij",
+    "variance_production_gradient": "λ3.2, by ∇Q²",
+    "variance_production_mixed": "λ3.2, by E·∇Q",
+    "variance_covariance_gradient": "V by C·∇Q, over η",
+    "variance_covariance_gradient_regain": "V by C·∇Q, over -η_V",
+    "variance_covariance_field": "V by C·E, over η",
+    "variance_covariance_field_regain": "V by C·E, over -η_V",
+    "variance_flux_production": "N by ∇V, over -e η_V",
+}
 
 
 class Row(NamedTuple):
@@ -129,7 +146,7 @@ def readable(form: Expr) -> str:
 
 def symbol(name: str) -> str:
     """Return the field's notation of a coefficient."""
-    known = closures.derived(1.0).coefficients
+    known = closures.complete(1.0).coefficients
     text = known[name].symbol if name in known else SYMBOLS[name]
     for word, letter in LETTERS.items():
         text = text.replace(word, letter)
@@ -206,7 +223,7 @@ def section(samples: int, seed: int) -> tuple[str, list[Row]]:
         Of the random numbers.
     """
     found_forms = exact_forms()
-    order = [*closures.derived(1.0).coefficients, *ADDITIONS]
+    order = [*closures.complete(1.0).coefficients, *ADDITIONS]
     forms = {name: found_forms[name] for name in order}
     settings = [(e, a) for a in EXPONENTS.values() for e in RESTITUTIONS]
     sampled = sample_closures(settings, samples, seed)

@@ -23,7 +23,8 @@ Charges enter by their first two moments at fixed velocity, (A2) with (A8)-(A10)
     ⟨ξ|c⟩ = Q − T_mm/2 + C.c + c.T.c/2,    ⟨ξ'ξ'|c⟩ = V + N.c,
 
 those of particle 2 at x + d k. As in the paper, products of two of these causes are left out,
-except |E|². The collision rule itself is `triboflux.collision.collide`, given symbols::
+except |E|²; `benchmarks.dropped_algebra` has them and whatever else the paper drops. The collision
+rule itself is `triboflux.collision.collide`, given symbols::
 
     python -m benchmarks.collision_algebra     # prints every form, in seconds
 """
@@ -180,19 +181,6 @@ def response(observable: Observable, **causes: Any) -> Expr:
         Fields of `Causes`.
     """
     given = Causes(**causes)
-    after = collide(
-        (VELOCITY_1, VELOCITY_2),
-        CHARGES,
-        K,
-        restitution=E,
-        exponent=A,
-        charge_transfer=GAMMA,
-        field_transfer=BETA,
-        field=given.field + given.field_gradient.T * K / 2,
-    )
-    change = observable(after.velocity_1, after.charge_1) - observable(VELOCITY_1, CHARGES[0])
-    # The rule's only floating-point numbers are 0.5 and 1.0, which are exact.
-    change = sympy.nsimplify(change, rational=True)
     here, there = zeros(3, 1), K
     moments = {
         (0, 0): S.One,
@@ -202,6 +190,34 @@ def response(observable: Observable, **causes: Any) -> Expr:
         (0, 2): second_moment(given, VELOCITY_2, there),
         (1, 1): S.Zero,
     }
+    return answer(observable, moments, given.field + given.field_gradient.T * K / 2)
+
+
+def answer(observable: Observable, moments: Mapping[tuple[int, int], Expr], field: Matrix) -> Expr:
+    """Return C(ψ), in units of n² g0 d², with powers of β and γ.
+
+    Parameters
+    ----------
+    observable : callable
+        ψ of a velocity and of the charge's deviation from Q(x).
+    moments : mapping
+        Mean products of these deviations of both particles at fixed velocities, by their powers.
+    field : Matrix
+        E at the point of contact.
+    """
+    after = collide(
+        (VELOCITY_1, VELOCITY_2),
+        CHARGES,
+        K,
+        restitution=E,
+        exponent=A,
+        charge_transfer=GAMMA,
+        field_transfer=BETA,
+        field=field,
+    )
+    change = observable(after.velocity_1, after.charge_1) - observable(VELOCITY_1, CHARGES[0])
+    # The rule's only floating-point numbers are 0.5 and 1.0, which are exact.
+    change = sympy.nsimplify(change, rational=True)
     terms = sympy.Poly(sympy.expand(change), *CHARGES).terms()
     return average(sympy.expand(sum(factor * moments[powers] for powers, factor in terms)))
 
@@ -232,6 +248,8 @@ def by_tensor(cause: str) -> tuple[Expr, Expr]:
 
 def responses() -> Responses:
     """Return the answers of the collision integrals, each to one cause, as symbols."""
+    # that module is made of parts of this one
+    from benchmarks.dropped_algebra import dropped_responses
 
     def charge(_: Matrix, xi: Any) -> Expr:
         return xi
@@ -272,6 +290,7 @@ def responses() -> Responses:
         flux_velocity=by_flux.coeff(GAMMA, 0),
         flux_exchange=by_flux.coeff(GAMMA),
         flux_regain=by_flux.coeff(GAMMA, 2),
+        **dropped_responses(),
     )
 
 
@@ -284,7 +303,7 @@ def drag_factor() -> Expr:
 
 
 def exact_forms() -> dict[str, Expr]:
-    """Return every coefficient of `triboflux.closures.derived` as an expression in e, a and J_p.
+    """Return every coefficient of `triboflux.closures.complete` as an expression in e, a and J_p.
 
     ``expression.rewrite(sympy.gamma)`` turns the J_p into Gamma functions.
     """

@@ -18,7 +18,8 @@ from benchmarks.kinetic_particles import (
     X,
     free_streaming_time,
 )
-from triboflux.case import CLOSURE_NAMES, MODEL_NAMES
+from triboflux.case import MODEL_NAMES
+from triboflux.closures import PAPERS_EQUATIONS
 from triboflux.errors import OutOfRangeError
 
 FIELDS = ("charge", "covariance", "variance")
@@ -93,10 +94,10 @@ def predictions(setting: Setting, at: float) -> dict[tuple[str, str], Prediction
     found = {
         (model, name): predict(setting, model, name, at)
         for model in MODEL_NAMES
-        for name in CLOSURE_NAMES
+        for name in PAPERS_EQUATIONS
     }
     if setting.energy_ratio == 0.0:
-        for name in CLOSURE_NAMES:
+        for name in PAPERS_EQUATIONS:
             found[TRANSPORTED, name] = Prediction(*beyond(setting, name, False).at(at))
         found[COMPLETED, "derived"] = Prediction(*beyond(setting, "derived", True).at(at))
         found[STREAMING, ""] = free_streaming(at)

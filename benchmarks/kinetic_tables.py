@@ -13,7 +13,7 @@ from benchmarks.kinetic_models import FIELDS, STREAMING, Errors, Prediction, err
 from benchmarks.kinetic_particles import Estimate, Reference, Setting
 from benchmarks.kinetic_runs import CASE_B, FEWER, FIELD, FINER, GROUPS, SEEDS, Runs, label
 from benchmarks.timing import table
-from triboflux.case import CLOSURE_NAMES
+from triboflux.closures import PAPERS_EQUATIONS
 
 Predictions = Mapping[Setting, Mapping[tuple[str, str], Prediction]]
 
@@ -97,7 +97,7 @@ def error_table(runs: Runs, predictions: Predictions, settings: Iterable[Setting
     """Return the errors of all models in some settings."""
     remarks = Remarks()
     names = ("t*", "Q", "C", "V")
-    head = ["τ_c", "what", *(f"{n}, `{name}`" for name in CLOSURE_NAMES for n in names)]
+    head = ["τ_c", "what", *(f"{n}, `{name}`" for name in PAPERS_EQUATIONS for n in names)]
     rows: list[list[str]] = []
     for reference in first_runs(runs, settings):
         noise = [reference.time_error / reference.time]
@@ -109,9 +109,9 @@ def error_table(runs: Runs, predictions: Predictions, settings: Iterable[Setting
         known = predictions[reference.setting]
         for model in dict.fromkeys(model for model, _ in known):
             row = ["", model]
-            for name in CLOSURE_NAMES:
+            for name in PAPERS_EQUATIONS:
                 found = known.get((model, name), known.get((model, "")))
-                if found is None or ((model, "") in known and name != CLOSURE_NAMES[0]):
+                if found is None or ((model, "") in known and name != PAPERS_EQUATIONS[0]):
                     row += [""] * len(names)
                     continue
                 errors = errors_of(found, reference)

@@ -234,7 +234,7 @@ def accuracy(found: ModelTable, name: str, checked: Any) -> dict[str, Any]:
 def accuracy_table(found: ModelTable) -> str:
     """Return how exact the table was found to be when it was written."""
     rows = []
-    for name in closures.NAMES:
+    for name in closures.PAPERS_EQUATIONS:
         checked = found.about["accuracy"][name]
         for model, each in checked["ratios"].items():
             factor, inside = found.spread[name][model], f"{each['inside']:.1%}"
@@ -248,10 +248,12 @@ def accuracy_table(found: ModelTable) -> str:
 
 def verdicts_table(found: ModelTable) -> str:
     """Return how the advice from the table compares with that from the case itself."""
-    names = sorted({k for n in closures.NAMES for k in found.about["accuracy"][n]["verdicts"]})
+    names = sorted(
+        {k for n in closures.PAPERS_EQUATIONS for k in found.about["accuracy"][n]["verdicts"]}
+    )
     rows = [
         (name, *(str(found.about["accuracy"][name]["verdicts"].get(k, 0)) for k in names))
-        for name in closures.NAMES
+        for name in closures.PAPERS_EQUATIONS
     ]
     return table(("closures", *names), rows)
 
@@ -276,7 +278,7 @@ def compute(pool: ProcessPoolExecutor) -> ModelTable:
     """Return the table, without spread and accuracy."""
     statuses = [OK]
     found: dict[str, Entries] = {}
-    for name in closures.NAMES:
+    for name in closures.PAPERS_EQUATIONS:
         tasks = [(place, name) for place in places(name)]
         results = _told(pool.map(entry, tasks, chunksize=64), len(tasks))
         found[name] = entries(name, results, statuses)
@@ -303,11 +305,11 @@ def main() -> None:
     with ProcessPoolExecutor(options.workers, mp_context=context, initializer=prepare) as pool:
         found = compute(pool) if options.write else model_table.load()
         print(f"entries after {perf_counter() - begun:.0f} s", flush=True)
-        exact = {name: dict.fromkeys(CHEAPEST_FIRST, 1.0) for name in closures.NAMES}
+        exact = {name: dict.fromkeys(CHEAPEST_FIRST, 1.0) for name in closures.PAPERS_EQUATIONS}
         found = replace(found, spread=exact)
         exactness = {}
-        finer = {name: resolution(name, pool) for name in closures.NAMES}
-        for name in closures.NAMES:
+        finer = {name: resolution(name, pool) for name in closures.PAPERS_EQUATIONS}
+        for name in closures.PAPERS_EQUATIONS:
             checked = pairs(found, name, pool)
             found = with_spread(found, name, checked)
             exactness[name] = accuracy(found, name, checked)

@@ -41,7 +41,12 @@ def edited(folder, old, new):
     [
         ("tau_c", "tauc", "numbers.tauc is not a known key;", "Did you mean 'tau_c'?"),
         ("[run]", "[runn]", "runn is not a known key;", "Did you mean 'run'?"),
-        ('"full"', '"fulll"', "model is 'fulll', but must be 'self-consistent' or 'third-order'", "'full'?"),
+        (
+            '"full"',
+            '"fulll"',
+            "model is 'fulll', but must be 'self-consistent' or 'third-order'",
+            "'full'?",
+        ),
         ("tau_c = 0.1", "tau_c = -0.1", "numbers.tau_c is -0.1, but must be a positive", "inf."),
         ("tau_p = inf", "tau_p = -inf", "numbers.tau_p is -inf, but must be a positive", "inf."),
         ("restitution = 1.0", "restitution = 1.2", "numbers.restitution is 1.2, but", "0 to 1."),

@@ -37,7 +37,7 @@ def test_table_does_not_depend_on_the_terminal(tmp_path):
 
 def test_json(tmp_path):
     document = json.loads(printed(tmp_path, "--format", "json", "--restitution", "0.9"))
-    exact = closures.derived(0.9)
+    exact = closures.complete(0.9)
     assert document["restitution"] == 0.9
     for row in document["coefficients"]:
         assert row["exact"] == exact[row["name"]]

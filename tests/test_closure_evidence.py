@@ -86,7 +86,7 @@ def test_symbols():
     assert symbol("third_moment_shear") == "ρ1"
     assert symbol("variance_flux_product") == "λ3.5 κ"
     assert symbol("exchange_time") == "λ'"
-    names = [*closures.derived(1.0).coefficients, *ADDITIONS]
+    names = [*closures.complete(1.0).coefficients, *ADDITIONS]
     assert len({symbol(name) for name in names}) == len(names)
 
 
@@ -96,7 +96,7 @@ def test_forms_are_readable():
 
 def test_every_coefficient_has_its_rows(known_forms):
     text, rows = evidence.section(1000, 1)
-    names = [*closures.derived(1.0).coefficients, *ADDITIONS]
+    names = [*closures.complete(1.0).coefficients, *ADDITIONS]
     for exponent in evidence.EXPONENTS.values():
         some = [row for row in rows if row.exponent == exponent]
         assert list(dict.fromkeys(row.name for row in some)) == names
@@ -148,6 +148,6 @@ def test_page_holds_a_confirmed_table():
     for line in cells:
         if len(line) >= 6 and line[2] in ("any", "1"):
             values.setdefault(line[0], float(line[3]))
-    known = closures.derived(1.0)
+    known = closures.complete(1.0)
     for name in known.coefficients:
         assert values[symbol(name)] == pytest.approx(known[name], rel=1e-5), name

@@ -42,6 +42,17 @@ EXACT = {
 }
 """The exact column of the table of coefficients at a = 4/5 and e = 1, to four digits or so."""
 
+DROPPED = {
+    "charge_third_moment": "0.09",
+    "covariance_third_moment": "0.24",
+    "covariance_collisional_dispersion": "0.38",
+    "third_moment_flux": "0.18",
+    "variance_collisional_flux": "8.35844",
+    "variance_covariance_exchange": "0.3",
+    "variance_covariance_regain": "0.7920",
+}
+"""What `complete` has besides."""
+
 PRINTED = {
     "triboconductivity": "1.825",
     "dispersion": "1.825",
@@ -77,6 +88,20 @@ def assert_rounds_to(value: float, printed: str):
 @pytest.mark.parametrize("name", EXACT)
 def test_exact_value_has_the_printed_digits(name):
     assert_rounds_to(closures.derived(1.0)[name], EXACT[name])
+
+
+@pytest.mark.parametrize("name", DROPPED)
+def test_value_of_what_the_derivation_drops(name):
+    assert_rounds_to(closures.complete(1.0)[name], DROPPED[name])
+
+
+@given(exponent=exponents, restitution=restitutions)
+def test_complete_is_derived_with_what_the_derivation_drops(exponent, restitution):
+    whole = closures.complete(restitution, exponent).coefficients
+    derived = closures.derived(restitution, exponent).coefficients
+    assert dict(whole) == dict(derived) | {name: whole[name] for name in DROPPED}
+    regain = (1 + 2 * exponent) / 3 * derived["variance_flux_regain"].value
+    assert whole["variance_covariance_regain"].value == pytest.approx(regain, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", PRINTED)
@@ -187,6 +212,7 @@ def test_limit_of_the_transferred_fraction(exponent):
         ("derived", 1, 3),
         ("derived", 2, 3),
         ("derived", 3, 3),
+        ("complete", 1, 3),
         ("published", 1, 1),
         ("published", 2, 3),
         ("published", 3, 3),
@@ -208,6 +234,8 @@ def test_every_coefficient_tells_where_it_comes_from(name):
 def test_set_by_name():
     assert closures.by_name("derived", 0.9, 1.2) == closures.derived(0.9, 1.2)
     assert closures.by_name("published", 0.9) == closures.published(0.9)
+    assert closures.by_name("complete", 0.9, 1.2) == closures.complete(0.9, 1.2)
+    assert [name for name in closures.NAMES if closures.by_name(name, 1.0).complete] == ["complete"]
 
 
 @pytest.mark.parametrize("exponent", [0.7999, 1.0, 0.0])
@@ -225,6 +253,8 @@ def test_published_exists_for_the_hertzian_exponent_only(exponent):
 def test_exponents_without_collision_integrals_are_refused(exponent):
     with pytest.raises(InputError, match=r"exponent: .* must be a finite number above -0\.5"):
         closures.derived(1.0, exponent)
+    with pytest.raises(InputError, match="exponent: .* must be a finite number"):
+        closures.complete(1.0, exponent)
 
 
 @pytest.mark.parametrize("name", ["publish", "Published", "publsihed"])

@@ -279,6 +279,4 @@ def test_homogeneous_limits(run):
     np.testing.assert_allclose(fields.granular_temperature_tensor[0, 0], 1.0 + left, rtol=1e-6)
     np.testing.assert_allclose(fields.granular_temperature, 1.0, rtol=1e-12)
     _, fields = run(PAPER | {"tau_c": tau, "tau_p": 0.7}, -1.0, time, charge=quiet)
-    np.testing.assert_allclose(
-        fields.granular_temperature, np.exp(-2.0 * time / 0.7), rtol=1e-6
-    )
+    np.testing.assert_allclose(fields.granular_temperature, np.exp(-2.0 * time / 0.7), rtol=1e-6)

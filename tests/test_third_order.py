@@ -135,7 +135,10 @@ def test_both_discretisations_agree():
             state = smooth_state(grid, 2, third_order=True)
             spectral, finite = (f(model, grid, state) for f in (fourier_rates, difference_rates))
             differences.append(
-                [largest_difference(getattr(finite, n), getattr(spectral, n)) for n in model.evolves]
+                [
+                    largest_difference(getattr(finite, n), getattr(spectral, n))
+                    for n in model.evolves
+                ]
             )
         order = np.log2(np.divide(*differences))
         assert (order > 5.5).all(), dimensions

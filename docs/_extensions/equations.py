@@ -101,7 +101,7 @@ def closure(name: str) -> sympy.Symbol:
 
 
 def _closure_symbol(name: str) -> str:
-    return SHORT.get(name) or latex_math(closures.derived(1.0).coefficients[name].symbol)
+    return SHORT.get(name) or latex_math(closures.complete(1.0).coefficients[name].symbol)
 
 
 def symbolic_model(name: str) -> Model:

@@ -73,7 +73,7 @@ def advise(numbers: Numbers, closure_name: str = "derived", *, compute: bool = F
     numbers : Numbers
         Of a suspension, within the range of the closures.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
     compute : bool
         Run all models instead of asking the table.
 
@@ -103,7 +103,7 @@ def advice_outside(numbers: Numbers, closure_name: str) -> Advice | None:
     numbers : Numbers
         Of the case.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
 
     Raises
     ------

@@ -100,7 +100,7 @@ def assess(
     suspension : Suspension
         Particles, gas and state.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
     compute : bool
         Run all models for a wave of charge over the whole domain, which takes seconds, instead of
         looking their errors up in the table of `triboflux.model_table`.

@@ -133,7 +133,7 @@ def _exact(restitution: float, exponent: float) -> ClosureSet:
             "exponent", f"is {exponent!r}, but must be a finite number above -0.5"
         )
     try:
-        found = closures.derived(restitution, exponent)
+        found = closures.complete(restitution, exponent)
     except OverflowError:
         found = None
     if found is None or not all(math.isfinite(c.value) for c in found.coefficients.values()):

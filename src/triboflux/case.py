@@ -40,7 +40,7 @@ MODELS_WITH_VARIANCE = tuple(
     name for name, known in MODELS.items() if "variance" in known.evolves + known.closes
 )
 """Those that know the charge variance."""
-CLOSURE_NAMES = ("derived", "published")
+CLOSURE_NAMES = ("derived", "published", "complete")
 """Names of the closure sets."""
 
 

@@ -89,7 +89,8 @@ def numbers(
     closures: Annotated[
         str | None,
         typer.Option(
-            metavar="derived|published", help="Closure set; otherwise the file's, or derived."
+            metavar="derived|published|complete",
+            help="Closure set; otherwise the file's, or derived.",
         ),
     ] = None,
     compute: Annotated[
@@ -146,7 +147,8 @@ def export(
     closures: Annotated[
         str | None,
         typer.Option(
-            metavar="derived|published", help="Closure set; otherwise the file's, or derived."
+            metavar="derived|published|complete",
+            help="Closure set; otherwise the file's, or derived.",
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -251,7 +253,9 @@ def compare(
     ] = Path(),
     closures: Annotated[
         str | None,
-        typer.Option(metavar="derived|published", help="Closure set; the case's own if absent."),
+        typer.Option(
+            metavar="derived|published|complete", help="Closure set; the case's own if absent."
+        ),
     ] = None,
     units: Annotated[
         str, typer.Option(metavar="scaled|si", help="Units of the table, figure and data.")

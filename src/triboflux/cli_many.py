@@ -61,7 +61,8 @@ def chart(
     closures: Annotated[
         str | None,
         typer.Option(
-            metavar="derived|published", help="Closure set; otherwise the case's, or derived."
+            metavar="derived|published|complete",
+            help="Closure set; otherwise the case's, or derived.",
         ),
     ] = None,
     points: Annotated[int, typer.Option(metavar="N", help="Points along each axis.")] = 32,

@@ -5,9 +5,10 @@ Every coefficient follows from the collision rule (2.5)-(2.15) through the integ
     J_p = 2**(p + 1) * sqrt(pi) * Gamma((p + 1) / 2),
 
 where ``J_p n**2 Theta**(p/2)`` is the integral of ``(g.k)**p`` over all approaching pairs of a
-Maxwellian. Two named sets exist: `derived`, the exact values for any restitution and any exponent
-of the charge-transfer law, and `published`, the numbers printed by Montilla, Ansart & Simonin
-(2023) together with the choices that their runs made.
+Maxwellian. Three named sets exist: `derived`, the exact values for any restitution and any exponent
+of the charge-transfer law; `published`, the numbers printed by Montilla, Ansart & Simonin (2023)
+together with the choices that their runs made; and `complete`, which adds to `derived` what their
+derivation drops.
 """
 
 from __future__ import annotations
@@ -17,109 +18,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from triboflux.closure_notes import ABOUT
 from triboflux.collision import HERTZ_EXPONENT
 from triboflux.errors import InputError, nearest
 
-NAMES = ("derived", "published")
-
-# What both sets tell about a coefficient: its symbol, where the paper states it, and a note. The
-# numbers in the notes are the paper's, for a = 4/5.
-_ABOUT = {
-    "triboconductivity": ("lambda_1.1", "(2.25)", ""),
-    "dispersion": ("lambda_1.2", "(2.26)", ""),
-    "collisional_flux": ("lambda_1.3", "(2.27)", "(2.27) prints 5.936, 3/2 of the exact value."),
-    "covariance_production_field": (
-        "lambda_2.1",
-        "(3.4), (5.3), (7.4)",
-        "(3.4) prints 0.5422, a quarter of the exact value, which equals lambda_1.3/lambda_1.1.",
-    ),
-    "covariance_production_gradient": (
-        "lambda_2.2",
-        "(3.4), (5.3), (7.4)",
-        "(3.4) prints 0.5422, a quarter of the exact value, which equals lambda_1.3/lambda_1.2.",
-    ),
-    "charge_exchange": ("lambda_2.3", "(3.6)", ""),
-    "covariance_collision": ("C rate, 1/tau_c", "(3.4), (5.3), (7.2)", ""),
-    "covariance_exchange": (
-        "C rate, 1/tau_xi",
-        "(3.4), (5.3), (7.2)",
-        "(3.4) prints (3-e)/5, which is always positive; the exact rate is negative for nearly "
-        "elastic particles, because fast collisions pass over more charge.",
-    ),
-    "third_moment_collision": (
-        "K1, 1/tau_c",
-        "(3.8), (A13)",
-        "lambda_2.4 and lambda_2.5 print 7.3 to 8.4 times the exact rate. (A10), from which it "
-        "follows, lacks a factor 1/2.",
-    ),
-    "third_moment_exchange": (
-        "K1, 1/tau_xi",
-        "(3.8), (A13)",
-        "lambda_2.6 prints 3.201; the exact rate is that of the covariance, without a trace part.",
-    ),
-    "third_moment_drag": (
-        "K1, 1/tau_p",
-        "(3.8), (A1), (A13)",
-        "Drag acts on both velocities: (A1) has 2/tau_p, (3.8) and (A13) print 1/tau_p.",
-    ),
-    "third_moment_trace": (
-        "K2, 1/tau_c",
-        "(3.9), (A14)",
-        "lambda_2.7 and lambda_2.8 are not proportional to the exact rate. The trace runs over "
-        "three directions in (A16), over one in (5.3).",
-    ),
-    "third_moment_shear": (
-        "rho_1",
-        "(3.10), (A11), (A15)",
-        "lambda_2.9 and lambda_2.11. Its factor is d/L by (3.10), L/d in (5.3). The terms with "
-        "R_p,jk in D_ij are negative in (3.10), which is right, and positive in (A15).",
-    ),
-    "third_moment_divergence": (
-        "rho_2",
-        "(3.10), (A11), (A15)",
-        "lambda_2.10 and lambda_2.11; the exact rho_2 equals rho_1 for every e.",
-    ),
-    "variance_regain": (
-        "lambda_3.1",
-        "(4.2), (5.4), (7.6)",
-        "(4.2) prints 21.29, a quarter of the exact value, which equals 6 lambda_3.2. (5.4) calls "
-        "it lambda_7.",
-    ),
-    "variance_production_field": (
-        "lambda_3.2",
-        "(4.2), (5.4), (7.7)",
-        "(5.4) calls it lambda_8 and prints tau_sigma without its star.",
-    ),
-    "variance_dispersion": (
-        "lambda_3.3",
-        "(4.2), (5.4)",
-        "(4.2) prints 0.6278; the exact value equals lambda_3.1/12. (5.4) calls it lambda_9.",
-    ),
-    "variance_flux_exchange": (
-        "lambda_3.4",
-        "(4.3), (5.4), (B2), (B3)",
-        "(4.3) prints 2.806, (5.4) 2.8. The right-hand side of (4.3) is negative, which is right, "
-        "that of (B3) positive.",
-    ),
-    "variance_flux_regain": ("lambda_3.5", "(4.3), (B2), (B3)", "(4.3) prints 1.017."),
-    "variance_flux_product": (
-        "lambda_3.5 kappa",
-        "(5.4)",
-        "(5.4) prints 20.39, where lambda_3.5 = 1.017 of (4.3) gives 1.017 kappa = 3.95: the SI "
-        "and the dimensionless equations differ.",
-    ),
-    "exchange_time": ("lambda'", "(5.20)", "(5.20) prints 12; (2.26) and (3.6) give its inverse."),
-    "collisional_flux_number": (
-        "lambda''",
-        "(5.21)",
-        "(5.21) prints 3.256, 3/2 of the exact value; the printed lambda_1.3/lambda_1.2 is 3.253.",
-    ),
-    "transferred_fraction": (
-        "kappa",
-        "(2.26), (3.5)",
-        "Not printed. It gives gamma Theta^(a/2) from tau_c, L/d and Pe by (2.26) and (3.5).",
-    ),
-}
+PAPERS_EQUATIONS = ("derived", "published")
+"""The sets that go with the paper's own equations."""
+NAMES = (*PAPERS_EQUATIONS, "complete")
 
 
 @dataclass(frozen=True)
@@ -154,7 +59,7 @@ class ClosureSet:
     Attributes
     ----------
     name : str
-        ``"derived"`` or ``"published"``.
+        One of `NAMES`.
     restitution : float
         Restitution coefficient of particle-particle collisions.
     exponent : float
@@ -181,6 +86,11 @@ class ClosureSet:
                 f"closures: there is no coefficient '{name}'.{nearest(name, self.coefficients)}"
             )
         return self.coefficients[name].value
+
+    @property
+    def complete(self) -> bool:
+        """Whether the equations have the terms that the paper's derivation drops."""
+        return self.name == "complete"
 
     def trace_dimensions(self, grid_dimensions: int) -> int:
         """Return n_t, how many directions the trace of a third-order moment runs over.
@@ -224,12 +134,34 @@ def derived(restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
     InputError
         If the exponent is not a finite number above -1/2.
     """
+    _check_exponent(exponent)
+    values = _derived_values(restitution, exponent)
+    return ClosureSet("derived", restitution, exponent, _coefficients(values))
+
+
+def complete(restitution: float, exponent: float = HERTZ_EXPONENT) -> ClosureSet:
+    """Return the exact closure set with the terms that the paper's derivation drops.
+
+    Parameters
+    ----------
+    restitution, exponent : float
+        e and a, as for `derived`.
+
+    Raises
+    ------
+    InputError
+        If the exponent is not a finite number above -1/2.
+    """
+    _check_exponent(exponent)
+    values = _derived_values(restitution, exponent) | _dropped_values(restitution, exponent)
+    return ClosureSet("complete", restitution, exponent, _coefficients(values))
+
+
+def _check_exponent(exponent: float) -> None:
     if not (math.isfinite(exponent) and exponent > -0.5):
         raise InputError(
             f"exponent: {exponent} is not allowed; it must be a finite number above -0.5."
         )
-    values = _derived_values(restitution, exponent)
-    return ClosureSet("derived", restitution, exponent, _coefficients(values))
 
 
 def _derived_values(restitution: Any, exponent: float) -> dict[str, tuple[Any, str]]:
@@ -267,6 +199,24 @@ def _derived_values(restitution: Any, exponent: float) -> dict[str, tuple[Any, s
         "exchange_time": (1.0 / 12.0, "lambda_1.2/lambda_2.3 = 1/12"),
         "collisional_flux_number": (ratio, "lambda_1.3/lambda_1.2"),
         "transferred_fraction": _transferred_fraction(a),
+    }
+
+
+def _dropped_values(restitution: Any, exponent: float) -> dict[str, tuple[Any, str]]:
+    """Return value and closed form of each coefficient that the paper's derivation drops."""
+    e, a = restitution, exponent
+    regain = collision_integral(1.0 + 2.0 * a) / (6.0 * collision_integral(1.0 + a))
+    return {
+        "charge_third_moment": ((1.0 + a) / 20.0, "(1+a)/20"),
+        "covariance_third_moment": ((2.0 + (2.0 + a) * e) / 20.0, "(2+(2+a)e)/20"),
+        "covariance_collisional_dispersion": ((1.0 + (2.0 + a) * e) / 10.0, "(1+(2+a)e)/10"),
+        "third_moment_flux": (((2.0 + a) * e**2 - 1.0) / 10.0, "((2+a)e^2-1)/10"),
+        "variance_collisional_flux": (collision_integral(2.0 + 2.0 * a) / 6.0, "J_(2+2a)/6"),
+        "variance_covariance_exchange": ((1.0 + a) / 6.0, "(1+a)/6"),
+        "variance_covariance_regain": (
+            (1.0 + 2.0 * a) * regain,
+            "(1+2a)J_(1+2a)/(6 J_(1+a))",
+        ),
     }
 
 
@@ -323,7 +273,7 @@ def values_for(name: str, restitution: Any) -> dict[str, Any]:
     Parameters
     ----------
     name : str
-        ``"derived"`` or ``"published"``.
+        One of `NAMES`.
     restitution : object
         e, dimensionless: a number, or a symbol if code is to be generated.
 
@@ -339,12 +289,12 @@ def values_for(name: str, restitution: Any) -> dict[str, Any]:
         If the name is unknown.
     """
     by_name(name, 1.0)  # refuses an unknown name
-    published = name == "published"
-    found = (
-        _published_values(restitution)
-        if published
-        else _derived_values(restitution, HERTZ_EXPONENT)
-    )
+    if name == "published":
+        found = _published_values(restitution)
+    else:
+        found = _derived_values(restitution, HERTZ_EXPONENT)
+    if name == "complete":
+        found |= _dropped_values(restitution, HERTZ_EXPONENT)
     return {key: value for key, (value, _) in found.items()}
 
 
@@ -354,7 +304,7 @@ def by_name(name: str, restitution: float, exponent: float = HERTZ_EXPONENT) -> 
     Parameters
     ----------
     name : str
-        ``"derived"`` or ``"published"``.
+        One of `NAMES`.
     restitution : float
         e, dimensionless, between 0 and 1.
     exponent : float
@@ -367,6 +317,8 @@ def by_name(name: str, restitution: float, exponent: float = HERTZ_EXPONENT) -> 
     """
     if name == "derived":
         return derived(restitution, exponent)
+    if name == "complete":
+        return complete(restitution, exponent)
     if name == "published":
         if exponent != HERTZ_EXPONENT:
             raise InputError(
@@ -395,6 +347,6 @@ def _transferred_fraction(exponent: float) -> tuple[float, str]:
 def _coefficients(values: Mapping[str, tuple[float, str]]) -> dict[str, Coefficient]:
     """Return coefficients from their values and formulas, with what is known about each."""
     return {
-        name: Coefficient(_ABOUT[name][0], value, formula, *_ABOUT[name][1:])
+        name: Coefficient(ABOUT[name][0], value, formula, *ABOUT[name][1:])
         for name, (value, formula) in values.items()
     }

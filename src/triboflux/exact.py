@@ -9,7 +9,8 @@ makes them fall apart, for every wave vector k, into a transverse covariance tha
     \begin{pmatrix} -1/\tau_\sigma - k^2/Pe & -(1+\eta) k \\ P k + S/k & -R - D k^2 \end{pmatrix}
     \begin{pmatrix} q \\ c \end{pmatrix}, \qquad c = i \hat k \cdot C,
 
-with D the longitudinal dispersion of the covariance. Everything is dimensionless: lengths are
+with D the longitudinal dispersion of the covariance. What the closure set ``complete`` adds to the
+matrix is in `linear_matrix`. Everything is dimensionless: lengths are
 scaled by L, velocities by √Θ, charges by Q0, times by L/√Θ. Only NumPy is used, and nothing of the
 solvers.
 """
@@ -142,8 +143,8 @@ def linear_matrix(coefficients: TransportCoefficients, wave_number: float) -> ND
         Shape ``[2, 2]``, scaled by √Θ/L.
     """
     c, k = coefficients, wave_number
-    dispersion = float(c.covariance_dispersion) + float(c.divergence_dispersion)
-    return np.array(
+    dispersion = float(c.longitudinal_dispersion)
+    matrix = np.array(
         [
             [-float(c.triboconductivity) - k**2 * float(c.dispersion), -float(c.flux) * k],
             [
@@ -152,10 +153,37 @@ def linear_matrix(coefficients: TransportCoefficients, wave_number: float) -> ND
             ],
         ]
     )
+    return matrix + _by_third_moment(c, k)
+
+
+def _by_third_moment(c: TransportCoefficients, k: float) -> NDArray[np.float64]:
+    """Return what the third-order moment adds to the matrix if the dropped terms are there.
+
+    With X_i = 2 ∂_j T_ij + ∂_i T_mm = x J'_i - y ∂_i ∇·C, where T_ij is closed and J' is the
+    gradient of the divergence of J = E/τ_σ - ∇Q/Pe times minus the coefficient of T_ij by J.
+    """
+    d = c.dropped
+    if d is None:
+        return np.zeros((2, 2))
+    k_1, k_t = float(c.third_moment), float(c.third_moment_trace)
+    single = (3.0 - 5.0 * float(c.third_moment_coupling) / k_t) / k_1
+    x = 2.0 * single + 5.0 / k_t
+    y = 2.0 * (float(c.covariance_dispersion) + float(c.divergence_dispersion))
+    y += (2.0 * float(c.shear) + 3.0 * float(c.divergence)) / k_t
+    flux = float(d.third_moment_field) + float(d.third_moment_gradient) * k**2
+    into_charge, into_covariance = float(d.charge_third_moment), float(d.covariance_third_moment)
+    return np.array(
+        [
+            [into_charge * x * flux * k**2, into_charge * y * k**3],
+            [-(single + into_covariance * x) * flux * k, 0.0],
+        ]
+    )
 
 
 def transverse_decay_rate(coefficients: TransportCoefficients, wave_number: float) -> float:
     """Return R + |k|² G1/K1, at which a covariance normal to its wave vector decays, by (5.3).
+
+    With the terms that the paper drops collisions disperse it, too.
 
     Parameters
     ----------
@@ -165,6 +193,9 @@ def transverse_decay_rate(coefficients: TransportCoefficients, wave_number: floa
         |k| >= 0, scaled by 1/L; at 0 every direction decays at R.
     """
     dispersion = float(coefficients.covariance_dispersion)
+    if coefficients.dropped is not None:
+        dispersion *= 1.0 + 2.0 * float(coefficients.dropped.covariance_third_moment)
+        dispersion += float(coefficients.dropped.covariance_dispersion)
     return float(coefficients.covariance_destruction) + dispersion * wave_number**2
 
 
@@ -198,6 +229,8 @@ def homogeneous_decay(
 ) -> tuple[NDArray[np.float64], float]:
     """Return a uniform covariance and variance after some time: they decay at R and at F.
 
+    With the terms that the paper drops the squared covariance destroys variance, too.
+
     Parameters
     ----------
     coefficients : TransportCoefficients
@@ -218,7 +251,16 @@ def homogeneous_decay(
     """
     decayed = math.exp(-float(coefficients.covariance_destruction) * time)
     remaining = math.exp(-float(coefficients.variance_destruction) * time)
-    return decayed * np.asarray(covariance, dtype=np.float64), remaining * variance
+    start = np.asarray(covariance, dtype=np.float64)
+    left = remaining * variance
+    if coefficients.dropped is not None:
+        # |C|² decays at 2 R while V does at F
+        slower = float(coefficients.variance_destruction)
+        rate = 2.0 * float(coefficients.covariance_destruction) - slower
+        spent = time if rate == 0.0 else -math.expm1(-rate * time) / rate
+        lost = float(coefficients.dropped.variance_covariance_destruction) * remaining * spent
+        left -= lost * float(start @ start)
+    return decayed * start, left
 
 
 def free_streaming(

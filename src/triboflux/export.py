@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import sympy
 
 from triboflux import __version__, closures, export_text, radial_distribution
-from triboflux.errors import require_one_of
+from triboflux.errors import InputError, require_one_of
 from triboflux.rates import closure_rates, suspension_transport
 
 if TYPE_CHECKING:
@@ -130,7 +130,8 @@ def export(suspension: Suspension, language: str, closure_name: str = "derived")
     Raises
     ------
     InputError
-        If the language or the closure set is unknown.
+        If the language or the closure set is unknown, or the set is ``"complete"``, whose
+        additional terms are not coefficients of the paper's equations.
     """
     writers: dict[str, Callable[[Source], str]] = {
         "c": export_text.as_c,
@@ -138,6 +139,12 @@ def export(suspension: Suspension, language: str, closure_name: str = "derived")
         "openfoam": export_text.as_openfoam,
     }
     require_one_of("language", language, LANGUAGES)
+    if closure_name == "complete":
+        raise InputError.about(
+            "closures",
+            "is 'complete', which is not written as source code; allowed are "
+            f"{', '.join(closures.PAPERS_EQUATIONS)}",
+        )
     return writers[language](source(suspension, closure_name))
 
 

@@ -87,7 +87,7 @@ def outside(numbers: Numbers, closure_name: str) -> ModelErrors | None:
     numbers : Numbers
         Of the case.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def measure(
     numbers : Numbers
         Of the case.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
     points : int
         Of the box, in one dimension.
 

@@ -111,7 +111,7 @@ def coordinates(numbers: Numbers, closure_name: str = "derived") -> Coordinates:
     numbers : Numbers
         Of a suspension; solid fraction and radial distribution follow from them.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def numbers_at(place: Coordinates, closure_name: str = "derived") -> Numbers | N
     place : Coordinates
         `coordinates` of the returned numbers.
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
 
     Raises
     ------
@@ -228,8 +228,10 @@ class ModelTable:
         place : Coordinates
             Anywhere; outside there are no errors but where they no longer depend on a coordinate.
         closure_name : str
-            ``"derived"`` or ``"published"``.
+            One of `triboflux.closures.NAMES`.
         """
+        if closure_name not in self.entries:
+            return ModelErrors(OUT_OF_TABLE, f"it has no runs with the {closure_name} closures")
         entries = self.entries[closure_name]
         outside = _outside(place, entries.axes)
         if outside:
@@ -289,7 +291,7 @@ def load() -> ModelTable:
                     arrays[f"{name}_logarithm"],
                     arrays[f"{name}_status"],
                 )
-                for name in closures.NAMES
+                for name in texts["spread"]
             },
             statuses=tuple(texts["statuses"]),
             spread=texts["spread"],

@@ -100,7 +100,7 @@ def transport_of(suspension: Suspension, closure_name: str = "derived") -> Suspe
     suspension : Suspension
         Particles, gas and state.
     closure_name : str
-        ``"derived"`` or ``"published"``; decides λ1.1 and λ1.2 in (2.25) and (2.26).
+        One of `triboflux.closures.NAMES`; decides λ1.1 and λ1.2 in (2.25) and (2.26).
 
     Raises
     ------
@@ -133,7 +133,7 @@ def from_suspension(suspension: Suspension, closure_name: str = "derived") -> Nu
     suspension : Suspension
         Particles, gas and state.
     closure_name : str
-        ``"derived"`` or ``"published"``; decides λ1.1 and λ1.2 in (2.25) and (2.26).
+        One of `triboflux.closures.NAMES`; decides λ1.1 and λ1.2 in (2.25) and (2.26).
 
     Raises
     ------

@@ -3,7 +3,8 @@
 Everything follows from six quantities: diameter, root of the granular temperature, collision time,
 drag rate, collisional dispersion D and conduction σ/n. In SI these come from the state of a
 suspension, `suspension_transport`; scaled by L, √Θ and Q0 they are d/L, 1, τ_c, 1/τ_p, 1/Pe and
-1/τ_σ. `closure_rates` turns either into the coefficients of the equations.
+1/τ_σ. `closure_rates` turns either into the coefficients of the equations;
+`triboflux.dropped_rates` adds those of the terms that the paper's derivation drops.
 
 The functions do arithmetic only, so that floats, JAX arrays, symbols and quantities with units all
 pass through them.

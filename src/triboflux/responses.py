@@ -6,10 +6,32 @@ need the same comparison of C(ψ) with the closed equations, which stands here.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-ADDITIONS = ("collision_rate", "third_moment_exchange_trace")
-"""What `coefficients` returns beside the closure sets: J_1, and the part of K2 with 1/tau_xi, 0."""
+ADDITIONS = (
+    "collision_rate",
+    "third_moment_exchange_trace",
+    "charge_third_moment_trace",
+    "covariance_third_moment_trace",
+    "covariance_collisional_dispersion_divergence",
+    "third_moment_flux_trace",
+    "third_moment_flux_field",
+    "third_moment_flux_field_trace",
+    "variance_production_gradient",
+    "variance_production_mixed",
+    "variance_covariance_gradient",
+    "variance_covariance_gradient_regain",
+    "variance_covariance_field",
+    "variance_covariance_field_regain",
+    "variance_flux_production",
+)
+"""What `coefficients` returns beside the closure sets.
+
+J_1; the part of K2 with 1/tau_xi, which is 0; answers that repeat another coefficient, since a flux
+of charge is what counts, whether by E or by ∇Q, and tensors come as 2 A_ij + A_mm δ_ij; the factors
+2 of η and 4 of η_V before C·J, and 1 of e η_V before ∇V in the equation of N.
+"""
 
 
 class Responses(NamedTuple):
@@ -43,6 +65,26 @@ class Responses(NamedTuple):
         To |E|² and to ∇²V.
     flux_velocity, flux_exchange, flux_regain : scalar or array_like
         To N, without γ, with γ and with γ².
+    charge_third, charge_third_trace : scalar or array_like
+        To ∂_i∂_j T_ij and to ∇²T_mm.
+    covariance_third, covariance_third_trace : scalar or array_like
+        To ∂_j T_ij and to ∂_i T_mm.
+    covariance_curvature, covariance_curvature_trace : scalar or array_like
+        To ∇²C and to ∇∇·C.
+    third_charge, third_charge_trace : scalar or array_like
+        To ∂_i∂_j Q and to ∇²Q δ_ij.
+    third_field, third_field_trace : scalar or array_like
+        To ∂_i E_j and to ∇·E δ_ij.
+    variance_flux, flux_variance : scalar or array_like
+        To ∇·N and to ∇V, with γ².
+    variance_covariance_gradient, variance_covariance_gradient_regain : scalar or array_like
+        To C·∇Q, with γ and with γ².
+    variance_covariance_field, variance_covariance_field_regain : scalar or array_like
+        To C·E, with β and with β γ.
+    variance_covariance, variance_covariance_regain : scalar or array_like
+        To |C|², with γ and with γ².
+    variance_gradient, variance_gradient_field : scalar or array_like
+        To |∇Q|², with γ², and to E·∇Q, with β γ.
     """
 
     collision_rate: Any
@@ -66,6 +108,26 @@ class Responses(NamedTuple):
     flux_velocity: Any
     flux_exchange: Any
     flux_regain: Any
+    charge_third: Any
+    charge_third_trace: Any
+    covariance_third: Any
+    covariance_third_trace: Any
+    covariance_curvature: Any
+    covariance_curvature_trace: Any
+    third_charge: Any
+    third_charge_trace: Any
+    third_field: Any
+    third_field_trace: Any
+    variance_flux: Any
+    flux_variance: Any
+    variance_covariance_gradient: Any
+    variance_covariance_gradient_regain: Any
+    variance_covariance_field: Any
+    variance_covariance_field_regain: Any
+    variance_covariance: Any
+    variance_covariance_regain: Any
+    variance_gradient: Any
+    variance_gradient_field: Any
 
 
 def isotropic_parts(trace: Any, product: Any) -> tuple[Any, Any]:
@@ -90,7 +152,8 @@ def coefficients(responses: Responses, restitution: Any) -> dict[str, Any]:
     """Return the closure coefficients that the responses of the collision integrals amount to.
 
     It compares C(ψ) with the closed equations: (2.24)-(2.27), (3.4)-(3.6), (A11), (4.2), (B2),
-    (5.20) and (5.21). Only arithmetic is done, so arrays and symbols pass through.
+    (5.20) and (5.21). Only arithmetic is done, so arrays and symbols pass through. What the paper
+    drops is compared with docs/closures.md.
 
     Parameters
     ----------
@@ -102,9 +165,9 @@ def coefficients(responses: Responses, restitution: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to scalar or array_like
-        By the names of `triboflux.closures.derived`, without ``third_moment_drag``, which is not
+        By the names of `triboflux.closures.complete`, without ``third_moment_drag``, which is not
         collisional; `ADDITIONS` are there too. Where e = 0 the two productions of covariance are
-        missing: the equations multiply them by e.
+        missing, and that of N is: the equations multiply them by e.
     """
     r = responses
     conductivity, dispersion, flux = -r.charge_field, r.charge_laplacian, -r.charge_covariance
@@ -137,4 +200,36 @@ def coefficients(responses: Responses, restitution: Any) -> dict[str, Any]:
         by_field, by_gradient = r.covariance_field, -r.covariance_gradient
         found["covariance_production_field"] = by_field / (restitution * conductivity)
         found["covariance_production_gradient"] = by_gradient / (restitution * dispersion)
-    return found
+        found["variance_flux_production"] = r.flux_variance / (restitution * r.variance_flux)
+    return found | _dropped(r, found)
+
+
+def _dropped(r: Responses, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the coefficients of what the paper's derivation drops."""
+    conductivity, dispersion = found["triboconductivity"], found["dispersion"]
+    flux, flux_of_variance = found["collisional_flux"], -r.variance_flux
+    return {
+        "charge_third_moment": r.charge_third / (2 * dispersion),
+        "charge_third_moment_trace": r.charge_third_trace / dispersion,
+        "covariance_third_moment": -r.covariance_third / (2 * flux),
+        "covariance_third_moment_trace": -r.covariance_third_trace / flux,
+        "covariance_collisional_dispersion": r.covariance_curvature / dispersion,
+        "covariance_collisional_dispersion_divergence": r.covariance_curvature_trace
+        / (2 * dispersion),
+        "third_moment_flux": r.third_charge / (2 * dispersion),
+        "third_moment_flux_trace": r.third_charge_trace / dispersion,
+        "third_moment_flux_field": -r.third_field / (2 * conductivity),
+        "third_moment_flux_field_trace": -r.third_field_trace / conductivity,
+        "variance_collisional_flux": flux_of_variance,
+        "variance_covariance_exchange": -r.variance_covariance / found["charge_exchange"],
+        "variance_covariance_regain": r.variance_covariance_regain / found["charge_exchange"],
+        "variance_production_gradient": r.variance_gradient * r.collision_rate / dispersion**2,
+        "variance_production_mixed": -r.variance_gradient_field
+        * r.collision_rate
+        / (2 * dispersion * conductivity),
+        "variance_covariance_gradient": r.variance_covariance_gradient / flux,
+        "variance_covariance_gradient_regain": -r.variance_covariance_gradient_regain
+        / flux_of_variance,
+        "variance_covariance_field": -r.variance_covariance_field / flux,
+        "variance_covariance_field_regain": r.variance_covariance_field_regain / flux_of_variance,
+    }

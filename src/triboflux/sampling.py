@@ -15,25 +15,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from triboflux import observables
 from triboflux.collision import HERTZ_EXPONENT, Collided, collide
+from triboflux.dropped_sampling import CONTACT, dropped_responses
 from triboflux.errors import InputError
+from triboflux.observables import Array, Observable
 from triboflux.responses import Responses, coefficients, isotropic_parts
-
-Array: TypeAlias = NDArray[np.float64]
-Observable: TypeAlias = Callable[[Array, Array], Array]
 
 SMALLEST_SAMPLE = 1000
 LARGEST_BATCH = 4096
 FEWEST_BATCHES = 32
 PAIR_WEIGHT = 4.0 * math.sqrt(math.pi)
 """What a pair from `colliding_pairs` stands for, in units of n² d² g0 √Θ."""
-CONTACT = 0.5
-"""Where the mean field is taken, as a part of the way from the first centre to the second."""
 
 
 class Estimate(NamedTuple):
@@ -98,7 +95,7 @@ def colliding_pairs(count: int, generator: np.random.Generator) -> Pairs:
     return Pairs(first + half_shift, second - half_shift, direction, rate)
 
 
-class _Collisions:
+class Collisions:
     """Some pairs under one collision rule.
 
     What depends on place is zero at the first particle and exact at the second, one diameter away:
@@ -126,7 +123,9 @@ class _Collisions:
             **field,
         )
 
-    def changes(self, observable: Observable, charges: tuple[Any, Any]) -> list[Array]:
+    def changes(
+        self, observable: Observable, charges: tuple[Any, Any], **field: Any
+    ) -> list[Array]:
         """Return by how much ψ of the first particle changes, by powers of γ: 0, 1 and 2.
 
         No ψ here has more than two charges in it, hence three values of γ tell the powers apart.
@@ -134,7 +133,7 @@ class _Collisions:
         before = observable(self.pairs.first, charges[0])
         below, middle, above = (
             observable(outcome.velocity_1, outcome.charge_1) - before
-            for outcome in (self.after(charges, gamma) for gamma in (-1.0, 0.0, 1.0))
+            for outcome in (self.after(charges, gamma, **field) for gamma in (-1.0, 0.0, 1.0))
         )
         return [middle, 0.5 * (above - below), 0.5 * (above + below) - middle]
 
@@ -144,18 +143,20 @@ class _Collisions:
         divergent = self.after((zero, zero), 0.0, field_transfer=1.0, field=CONTACT * k)
         return {
             "charge_field": divergent.charge_1 / 3.0,
-            "charge_laplacian": self.changes(_charge, (zero, 0.5 * self.one))[1] / 3.0,
-            "charge_covariance": self.changes(_charge, (zero, np.sum(k * c2, axis=0)))[1] / 3.0,
+            "charge_laplacian": self.changes(observables.charge, (zero, 0.5 * self.one))[1] / 3.0,
+            "charge_covariance": self.changes(observables.charge, (zero, np.sum(k * c2, axis=0)))[1]
+            / 3.0,
         }
 
     def covariance(self) -> dict[str, Array]:
         """Return the answers of C(ξ c_i), and that of C(ξξ) to the field, on each axis in turn."""
         zero, (c1, c2, k, _) = self.zero, self.pairs
         driven = self.after((zero, zero), 0.0, field_transfer=1.0, field=self.axes)
-        velocity, exchange, _ = self.changes(_covariance, (c1, c2))
+        velocity, exchange, _ = self.changes(observables.covariance, (c1, c2))
         return {
-            "covariance_field": _covariance(driven.velocity_1, driven.charge_1) / 3.0,
-            "covariance_gradient": self.changes(_covariance, (np.zeros_like(k), k))[1] / 3.0,
+            "covariance_field": observables.covariance(driven.velocity_1, driven.charge_1) / 3.0,
+            "covariance_gradient": self.changes(observables.covariance, (np.zeros_like(k), k))[1]
+            / 3.0,
             "covariance_velocity": velocity / 3.0,
             "covariance_exchange": exchange / 3.0,
             "variance_field": np.sum(driven.charge_1**2, axis=0) / 3.0,
@@ -167,15 +168,15 @@ class _Collisions:
         # With T_ij = δ_ij, and with each T that has a single element.
         isotropic = [0.5 * (np.sum(c**2, axis=0) - 3.0) for c in (c1, c2)]
         single = [0.5 * (c[:, None] * c[None] - axes) for c in (c1, c2)]
-        traces = self.changes(_third_trace, (isotropic[0], isotropic[1]))
-        products = self.changes(_third_product, (single[0], single[1]))
+        traces = self.changes(observables.third_trace, (isotropic[0], isotropic[1]))
+        products = self.changes(observables.third_product, (single[0], single[1]))
         (velocity_trace, velocity), (exchange_trace, exchange), _ = map(
             isotropic_parts, traces, products
         )
         # The same for the gradient of C.
         divergence, symmetric = isotropic_parts(
-            self.changes(_third_trace, (zero, np.sum(k * c2, axis=0)))[1],
-            self.changes(_third_product, (zero * axes, k[:, None] * c2[None]))[1],
+            self.changes(observables.third_trace, (zero, np.sum(k * c2, axis=0)))[1],
+            self.changes(observables.third_product, (zero * axes, k[:, None] * c2[None]))[1],
         )
         return {
             "third_velocity": velocity,
@@ -195,7 +196,9 @@ class _Collisions:
         zero, one, (c1, c2, _, _) = self.zero, self.one, self.pairs
         # The second charge takes both signs, which makes the two independent without any noise.
         signs = np.array([1.0, -1.0])[:, None] * one
-        _, exchange, regain = (part.mean(axis=0) for part in self.changes(_square, (one, signs)))
+        _, exchange, regain = (
+            part.mean(axis=0) for part in self.changes(observables.square, (one, signs))
+        )
 
         def flux(moment: Array, charges: tuple[Array, Array]) -> list[Array]:
             return self.changes(lambda v, charge: charge**2 * np.sum(moment * v, axis=0), charges)
@@ -206,35 +209,11 @@ class _Collisions:
         return {
             "variance_exchange": exchange,
             "variance_regain": regain,
-            "variance_laplacian": self.changes(_square, (zero, half_square))[2] / 3.0,
+            "variance_laplacian": self.changes(observables.square, (zero, half_square))[2] / 3.0,
             "flux_velocity": flux_velocity / 3.0,
             "flux_exchange": flux_exchange / 3.0,
             "flux_regain": flux_regain / 3.0,
         }
-
-
-def _charge(_: Array, charge: Array) -> Array:
-    return charge
-
-
-def _square(_: Array, charge: Array) -> Array:
-    return charge**2
-
-
-def _covariance(velocity: Array, charge: Array) -> Array:
-    """Return the sum of ξ_i c_i over the axes."""
-    return np.sum(charge * velocity, axis=0)
-
-
-def _third_trace(velocity: Array, charge: Array) -> Array:
-    """Return the trace of ξ (c_i c_j − δ_ij)."""
-    return charge * (np.sum(velocity**2, axis=0) - 3.0)
-
-
-def _third_product(velocity: Array, charge: Array) -> Array:
-    """Return the sum of ξ_ij (c_i c_j − δ_ij)."""
-    product: Array = np.einsum("ijs,is,js->s", charge, velocity, velocity)
-    return product - np.trace(charge)
 
 
 def pair_responses(pairs: Pairs, restitution: float, exponent: float) -> Responses:
@@ -252,13 +231,14 @@ def pair_responses(pairs: Pairs, restitution: float, exponent: float) -> Respons
     Responses
         Fields of shape ``(samples,)``; their means times `PAIR_WEIGHT` are the responses.
     """
-    collisions = _Collisions(pairs, restitution, exponent)
+    collisions = Collisions(pairs, restitution, exponent)
     return Responses(
         collision_rate=collisions.one,
         **collisions.charge(),
         **collisions.covariance(),
         **collisions.third(),
         **collisions.variance(),
+        **dropped_responses(collisions),
     )
 
 

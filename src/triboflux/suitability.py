@@ -58,7 +58,7 @@ def chart_case(closure_name: str = "derived") -> Case:
     Parameters
     ----------
     closure_name : str
-        ``"derived"`` or ``"published"``.
+        One of `triboflux.closures.NAMES`.
 
     Raises
     ------

@@ -208,7 +208,7 @@ def _write_table(
         console.print(Text(f"{row.symbol} = {row.formula}; {row.equation}. {row.note}".rstrip()))
 
 
-_GREEK = "lambda|rho|tau|kappa|gamma|sigma|xi|Theta"
+_GREEK = "lambda|rho|chi|tau|kappa|gamma|sigma|xi|Theta"
 _SYMBOL = re.compile(
     rf"\b(?:{_GREEK})(?:_[0-9.]*[0-9]|_[a-z]+)?'*(?:\^\([^()]*\))?"  # lambda_2.3, lambda'', tau_xi
     r"|\b[DJKR](?:_\([^()]*\)|_[a-z]+(?:,[a-z]+)?|_?[0-9]+)"  # J_(1+a), R_p,jk, K1

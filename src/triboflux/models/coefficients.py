@@ -8,9 +8,9 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from triboflux.closures import ClosureSet
+from triboflux.dropped_rates import DroppedRates, scaled_dropped_rates
 from triboflux.errors import OutOfRangeError
 from triboflux.hierarchy import MODELS
-from triboflux.numbers import Numbers
 from triboflux.rates import scaled_rates, transfer_warnings
 
 Scalar: TypeAlias = float | Float[Array, "..."]
@@ -62,6 +62,8 @@ class TransportCoefficients(eqx.Module):
         γΘ^(a/2), the mean fraction of the charge difference that a collision passes over.
     granular_temperature : Scalar
         Θ that they hold for, scaled by that of the numbers.
+    dropped : DroppedRates or None
+        What the paper's derivation drops; None where the equations are without.
     """
 
     flux: Scalar
@@ -84,11 +86,20 @@ class TransportCoefficients(eqx.Module):
     variance_flux_destruction: Scalar
     transferred_fraction: Scalar
     granular_temperature: Scalar = 1.0
+    dropped: DroppedRates | None = None
 
     @property
     def longitudinal_dispersion(self) -> Scalar:
-        """Dispersion of a covariance that is parallel to its own gradient."""
-        return self.covariance_dispersion + self.divergence_dispersion
+        """Dispersion of a covariance that is parallel to its own gradient.
+
+        That by collisions is among it where the equations have it.
+        """
+        kinetic = self.covariance_dispersion + self.divergence_dispersion
+        if self.dropped is None:
+            return kinetic
+        trace = (2.0 * self.shear + 3.0 * self.divergence) / self.third_moment_trace
+        by_third = self.dropped.covariance_third_moment * (2.0 * kinetic + trace)
+        return kinetic + by_third + 3.0 * self.dropped.covariance_dispersion
 
 
 def transport_coefficients(
@@ -147,7 +158,21 @@ def transport_coefficients(
         variance_flux_destruction=rates.variance_flux_destruction,
         transferred_fraction=rates.transferred_fraction,
         granular_temperature=velocity**2,
+        dropped=scaled_dropped_rates(closure_set, rates, numbers, velocity, transfer)
+        if closure_set.complete
+        else None,
     )
+
+
+def covariance_destroys_variance(dropped: DroppedRates) -> bool:
+    """Return whether |C|² takes variance away, as it does unless γΘ^(a/2) is large.
+
+    Parameters
+    ----------
+    dropped : DroppedRates
+        With concrete values.
+    """
+    return float(dropped.variance_covariance_destruction) >= 0.0
 
 
 def validity(
@@ -206,6 +231,11 @@ def validity(
     warnings = list(transfer_warnings(fraction, closure_set.exponent, allow_out_of_range))
     growth = -float(coefficients.variance_destruction)
     has_variance = "variance" in MODELS[model_name].evolves
+    if c.dropped is not None and has_variance and not covariance_destroys_variance(c.dropped):
+        warnings.append(
+            f"γΘ^(a/2) = {fraction:.4g}: collisions are so strong that the squared covariance "
+            "produces variance instead of destroying it."
+        )
     if has_variance and (growth > 0.0 or (growth == 0.0 and fraction > 0.0)):
         origin = (
             "because the printed λ' = 12 is inverted"

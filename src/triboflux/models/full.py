@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from triboflux.hierarchy import MODELS
+from triboflux.models import dropped
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.model import Model
-
-VARIANCE_TIMES_FIELD = t.Product("V E", ("variance", t.FIELD), lambda v, e: v[None] * e)
-FLUX_ALONG_GRADIENT = t.Product("C·∇Q", ("covariance", t.CHARGE_GRADIENT), t.dot)
-FIELD_SQUARED = t.Product("|E|²", (t.FIELD,), lambda e: t.dot(e, e))
+from triboflux.models.products import FIELD_SQUARED, FLUX_ALONG_GRADIENT, VARIANCE_TIMES_FIELD
 
 
 def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
@@ -36,6 +34,7 @@ def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "charge",
             c.dispersion,
         ),
+        *dropped.charge_terms(c),
     )
 
 
@@ -96,6 +95,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "covariance",
             c.divergence_dispersion,
         ),
+        *dropped.covariance_terms(c),
     )
 
 
@@ -147,6 +147,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "variance",
             c.granular_temperature / c.variance_flux_destruction,
         ),
+        *dropped.variance_terms(c),
     )
 
 

@@ -14,27 +14,57 @@ from jaxtyping import Array
 from triboflux.hierarchy import MODELS
 from triboflux.models import terms as t
 from triboflux.models.coefficients import Scalar, TransportCoefficients
+from triboflux.models.dropped import CLOSED
 from triboflux.models.full import charge_terms, covariance_terms, variance_terms
 from triboflux.models.model import Model
+from triboflux.models.products import (
+    COVARIANCE_SQUARED,
+    FIELD_ALONG_GRADIENT,
+    FIELD_SQUARED,
+    FLUX_ALONG_FIELD,
+    FLUX_ALONG_GRADIENT,
+    GRADIENT_SQUARED,
+)
 
 PRODUCTION, FORCE = "production", "electric force"
 """Groups of the covariance's terms that its algebraic value keeps."""
 
 
 def _numerator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
-    """Return B |E|² - 2 C0·∇Q on the points, with C0 = (-P ∇Q + S E)/R."""
-    by_gradient, by_field, _, production, _ = parameters
+    """Return B |E|² - 2 C0·∇Q on the points, with C0 = (-P ∇Q + S E)/R.
+
+    With the terms that the paper drops it has (2η - 4η_V) C0·(∇Q - (σ/nD) E) and their production
+    by ∇Q, too.
+    """
+    by_gradient, by_field, _, production, _, *dropped = parameters
+    squares, products = t.dot(gradient, gradient), t.dot(field, gradient)
+    found = (
+        production * t.dot(field, field) + 2.0 * by_gradient * squares - 2.0 * by_field * products
+    )
+    if not dropped:
+        return found
+    along_gradient, along_field, by_squares, by_products = dropped
+    produced = by_field * products - by_gradient * squares
+    carried = by_field * t.dot(field, field) - by_gradient * products
     return (
-        production * t.dot(field, field)
-        + 2.0 * by_gradient * t.dot(gradient, gradient)
-        - 2.0 * by_field * t.dot(field, gradient)
+        found
+        + along_gradient * produced
+        + along_field * carried
+        + by_squares * squares
+        + by_products * products
     )
 
 
 def _denominator(gradient: Array, field: Array, *parameters: Scalar) -> Array:
-    """Return F + 2 (u/R) E·∇Q on the points."""
-    _, _, by_force, _, destruction = parameters
-    return destruction + 2.0 * by_force * t.dot(field, gradient)
+    """Return F + 2 (u/R) E·∇Q on the points, with the terms that the paper drops theirs, too."""
+    _, _, by_force, _, destruction, *dropped = parameters
+    products = t.dot(field, gradient)
+    found = destruction + 2.0 * by_force * products
+    if not dropped:
+        return found
+    along_gradient, along_field, *_ = dropped
+    carried = along_gradient * products + along_field * t.dot(field, field)
+    return found - by_force * carried
 
 
 def _variance(gradient: Array, field: Array, *parameters: Scalar) -> Array:
@@ -47,32 +77,52 @@ def _force(gradient: Array, field: Array, *parameters: Scalar) -> Array:
     return _variance(gradient, field, *parameters)[None] * field
 
 
+def _covariance_squared(
+    variance: Array, field: Array, gradient: Array, *parameters: Scalar
+) -> Array:
+    """Return |C|² on the points, with C of (7.8)."""
+    by_gradient, by_field, by_force = parameters
+    covariance = by_gradient * gradient + (by_field + by_force * variance)[None] * field
+    return t.dot(covariance, covariance)
+
+
 _GRADIENT_AND_FIELD = (t.CHARGE_GRADIENT, t.FIELD)
 ALGEBRAIC_VARIANCE = t.Product("V", _GRADIENT_AND_FIELD, _variance)
 ALGEBRAIC_FORCE = t.Product("V E", _GRADIENT_AND_FIELD, _force)
 NUMERATOR = t.Product("B |E|² - 2 C0·∇Q", _GRADIENT_AND_FIELD, _numerator)
 DENOMINATOR = t.Product("F + 2 (u/R) E·∇Q", _GRADIENT_AND_FIELD, _denominator)
-GRADIENT_SQUARED = t.Product("|∇Q|²", (t.CHARGE_GRADIENT,), lambda g: t.dot(g, g))
-FIELD_ALONG_GRADIENT = t.Product("E·∇Q", (t.FIELD, t.CHARGE_GRADIENT), t.dot)
 FORCE_ALONG_GRADIENT = t.Product(
     "V E·∇Q",
     ("variance", t.FIELD, t.CHARGE_GRADIENT),
     lambda v, e, g: v * t.dot(e, g),
 )
+FORCE_ALONG_FIELD = t.Product("V |E|²", ("variance", t.FIELD), lambda v, e: v * t.dot(e, e))
+CLOSED_COVARIANCE_SQUARED = t.Product(
+    "|C|²", ("variance", t.FIELD, t.CHARGE_GRADIENT), _covariance_squared
+)
 
 
 @dataclass(frozen=True)
 class _Substitution:
-    """What a part of the covariance becomes under ∇· and in its product with ∇Q."""
+    """What a part of the covariance becomes under ∇· and in its products with ∇Q and E."""
 
     divergence: t.Operator
-    along_gradient: t.Product
+    along: dict[t.Product, t.Product]
 
 
 _SUBSTITUTIONS = {
-    t.GRADIENT: _Substitution(t.LAPLACIAN, GRADIENT_SQUARED),
-    t.ELECTRIC_FIELD: _Substitution(t.FIELD_DIVERGENCE, FIELD_ALONG_GRADIENT),
-    t.IDENTITY: _Substitution(t.DIVERGENCE, FORCE_ALONG_GRADIENT),
+    t.GRADIENT: _Substitution(
+        t.LAPLACIAN,
+        {FLUX_ALONG_GRADIENT: GRADIENT_SQUARED, FLUX_ALONG_FIELD: FIELD_ALONG_GRADIENT},
+    ),
+    t.ELECTRIC_FIELD: _Substitution(
+        t.FIELD_DIVERGENCE,
+        {FLUX_ALONG_GRADIENT: FIELD_ALONG_GRADIENT, FLUX_ALONG_FIELD: FIELD_SQUARED},
+    ),
+    t.IDENTITY: _Substitution(
+        t.DIVERGENCE,
+        {FLUX_ALONG_GRADIENT: FORCE_ALONG_GRADIENT, FLUX_ALONG_FIELD: FORCE_ALONG_FIELD},
+    ),
 }
 """By the operator of the part."""
 
@@ -97,8 +147,12 @@ def closed_charge_terms(c: TransportCoefficients, parts: tuple[t.Term, ...]) -> 
         Of the equations.
     parts : tuple of Term
         The covariance, from `closed_covariance`; without any there is no kinetic flux.
+
+    Notes
+    -----
+    Like the dispersion of the covariance, what takes the third-order moment as closed is left out.
     """
-    flux, *others = charge_terms(c)
+    flux, *others = (term for term in charge_terms(c) if term.group not in CLOSED)
     closed = (
         replace(
             flux,
@@ -125,17 +179,25 @@ def closed_variance_terms(
     parts : tuple of Term
         The covariance, from `closed_covariance`.
     """
-    production, *others = variance_terms(c)
-    closed = (
-        replace(
-            production,
-            name=f"{production.name}, {part.name}",
-            source=_SUBSTITUTIONS[part.operator].along_gradient,
-            coefficient=production.coefficient * part.coefficient,
-        )
-        for part in parts
-    )
-    return (*closed, *others)
+    by_gradient, by_field, by_force = (part.coefficient for part in parts)
+    closed: list[t.Term] = []
+    for term in variance_terms(c):
+        if term.source in (FLUX_ALONG_GRADIENT, FLUX_ALONG_FIELD):
+            closed += [
+                replace(
+                    term,
+                    name=f"{term.name}, {part.name}",
+                    source=_SUBSTITUTIONS[part.operator].along[term.source],
+                    coefficient=term.coefficient * part.coefficient,
+                )
+                for part in parts
+            ]
+        elif term.source == COVARIANCE_SQUARED:
+            parameters = (by_gradient, by_field, by_force)
+            closed.append(replace(term, source=CLOSED_COVARIANCE_SQUARED, parameters=parameters))
+        else:
+            closed.append(term)
+    return tuple(closed)
 
 
 def semi_algebraic(c: TransportCoefficients) -> Model:
@@ -169,6 +231,7 @@ def algebraic(c: TransportCoefficients) -> Model:
         by_force.coefficient,
         c.variance_field_production,
         c.variance_destruction,
+        *_dropped_parameters(c),
     )
     force = replace(by_force, source=ALGEBRAIC_FORCE, parameters=parameters)
     parts = (by_gradient, by_field, force)
@@ -186,6 +249,23 @@ def algebraic(c: TransportCoefficients) -> Model:
             pointwise("the denominator of the algebraic variance", DENOMINATOR),
             pointwise("the algebraic variance", NUMERATOR),
         ),
+    )
+
+
+def _dropped_parameters(c: TransportCoefficients) -> tuple[Scalar, ...]:
+    """Return what the algebraic variance needs of the terms that the paper drops.
+
+    That is before C·∇Q, -C·E, |∇Q|² and E·∇Q. |C|² is not among them: it would make V the root of a
+    quadratic equation.
+    """
+    d = c.dropped
+    if d is None:
+        return ()
+    return (
+        d.covariance_along_gradient,
+        -d.covariance_along_field,
+        d.variance_gradient_production,
+        -2.0 * d.variance_mixed_production,
     )
 
 

@@ -24,9 +24,9 @@ from jaxtyping import Array, Float
 from triboflux.hierarchy import MODELS
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
-from triboflux.models.full import charge_terms
 from triboflux.models.model import Model
-from triboflux.models.third_order import symmetric, third_order, trace_of
+from triboflux.models.products import symmetric
+from triboflux.models.third_order import third_order, trace_of
 from triboflux.models.varying import TEMPERATURE, LocalCoefficients, speed, varying
 from triboflux.velocity_closures import TensorDispersion, flight_dispersion, velocity_closures
 
@@ -275,7 +275,9 @@ def _energy(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term
         return t.Term(name, group, "", "dissipated_energy", t.IDENTITY, source, coefficient)
 
     works: list[t.Term] = []
-    for moved in charge_terms(c):
+    for moved in third_order(c).terms:
+        if moved.moment != "charge":
+            continue
         source = str(moved.source)
         _, inner = t.FLUXES[moved.operator]
         read = source if inner is t.IDENTITY else t.Applied(inner, source)
@@ -358,7 +360,7 @@ def _dispersed(name: str, dispersion: TensorDispersion) -> tuple[t.Term, ...]:
         term("own", t.LAPLACIAN, TENSOR, d.laplacian),
         term("crosswise", t.GRADIENT_OF_TENSOR_DIVERGENCE, TENSOR, d.gradient_divergence),
         term("isotropic", t.ISOTROPIC_DOUBLE_DIVERGENCE, TENSOR, d.double_divergence),
-        term("by the trace", t.HESSIAN, TEMPERATURE, 1.5 * d.trace_hessian),
+        term("by the trace", t.HESSIANS, TEMPERATURE, 1.5 * d.trace_hessian),
         term("isotropic by the trace", t.ISOTROPIC_LAPLACIAN, TEMPERATURE, 3.0 * d.trace_laplacian),
     )
 
@@ -366,9 +368,7 @@ def _dispersed(name: str, dispersion: TensorDispersion) -> tuple[t.Term, ...]:
 def _cyclic(vector: Float[Array, "d *x"]) -> Float[Array, "d d d *x"]:
     """Return a_i δ_jk + a_j δ_ik + a_k δ_ij."""
     d = range(len(vector))
-    return _isotropic(vector) + sum(
-        jnp.moveaxis(_isotropic(vector), 2, place) for place in (0, 1)
-    )
+    return _isotropic(vector) + sum(jnp.moveaxis(_isotropic(vector), 2, place) for place in (0, 1))
 
 
 def _heat_flux(
@@ -382,9 +382,7 @@ def _heat_flux(
     trace_slope = 3.0 * slope
     divergence = ft.reduce(lambda a, b: a + b, (row[:, i] for i, row in enumerate(gradient)))
     # R_kl ∂_l R_ij at i, j, k, and what it is at all cyclic places
-    carried = jnp.stack(
-        [jnp.stack([_along(tensor, slopes) for slopes in row]) for row in gradient]
-    )
+    carried = jnp.stack([jnp.stack([_along(tensor, slopes) for slopes in row]) for row in gradient])
     shift = c.production_shift * temperature
     shifted = _at_all_places(gradient) + _cyclic(divergence + 0.5 * trace_slope)
     production = -_at_all_places(carried) - t.times(shift, shifted)

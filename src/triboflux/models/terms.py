@@ -11,15 +11,17 @@ from __future__ import annotations
 import functools as ft
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from triboflux.calculus import Discretisation
-from triboflux.hierarchy import RANKS
 from triboflux.moments import Moments
+
+Symbol: TypeAlias = Callable[[Array], Array]
+"""|k| -> factor."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,13 @@ class Operator:
     """
 
     name: str
-    symbol: Callable[[Array], Array]
-    transverse: Callable[[Array], Array]
+    symbol: Symbol
+    transverse: Symbol
     apply: Callable[[Discretisation, Array], Array]
-    traceless: Callable[[Array], Array] = jnp.zeros_like
+    traceless: Symbol = jnp.zeros_like
 
     @property
-    def symbols(self) -> tuple[Callable[[Array], Array], ...]:
+    def symbols(self) -> tuple[Symbol, ...]:
         """The factors by helicity: scalar parts, transverse vectors, traceless tensors."""
         return self.symbol, self.transverse, self.traceless
 
@@ -76,19 +78,6 @@ def _isotropic(scalar: Array, dimensions: int) -> Array:
     """Return s δ_ij."""
     zero, along = jnp.zeros_like(scalar), range(dimensions)
     return jnp.stack([jnp.stack([scalar if i == j else zero for j in along]) for i in along])
-
-
-def _composed(name: str, outer: Operator, inner: Operator) -> Operator:
-    """Return one operator after another; helicities that it does not keep vanish."""
-
-    def product(of_outer: Callable[[Array], Array], of_inner: Callable[[Array], Array]) -> Any:
-        return lambda k: of_outer(k) * of_inner(k)
-
-    symbols = map(product, outer.symbols, inner.symbols)
-    symbol, transverse, traceless = symbols
-    return Operator(
-        name, symbol, transverse, lambda d, f: outer.apply(d, inner.apply(d, f)), traceless
-    )
 
 
 def _inverse(k: Array) -> Array:
@@ -121,6 +110,46 @@ ISOTROPIC_DIVERGENCE = Operator(
     "δ ∇·", lambda k: k, _zero, lambda d, f: _isotropic(d.divergence(f), d.grid.dimensions)
 )
 
+
+def composed(outer: Operator, inner: Operator) -> Operator:
+    """Return an operator after another.
+
+    Parameters
+    ----------
+    outer, inner : Operator
+        The second makes what the first acts on.
+    """
+
+    def after(left: Symbol, right: Symbol) -> Symbol:
+        return lambda k: left(k) * right(k)
+
+    return Operator(
+        f"({outer.name}){inner.name}" if " + " in outer.name else f"{outer.name}{inner.name}",
+        after(outer.symbol, inner.symbol),
+        after(outer.transverse, inner.transverse),
+        lambda d, f: outer.apply(d, inner.apply(d, f)),
+        after(outer.traceless, inner.traceless),
+    )
+
+
+GRADIENT_OF_LAPLACIAN = composed(GRADIENT, LAPLACIAN)
+HESSIANS = composed(SYMMETRIC_GRADIENT, GRADIENT)
+ISOTROPIC_LAPLACIAN = composed(ISOTROPIC, LAPLACIAN)
+FIELD_GRADIENTS = composed(SYMMETRIC_GRADIENT, ELECTRIC_FIELD)
+ISOTROPIC_CHARGE = composed(ISOTROPIC, FIELD_DIVERGENCE)
+
+DIVERGENCES = {
+    operator: composed(DIVERGENCE, operator)
+    for operator in (
+        LAPLACIAN,
+        GRADIENT,
+        GRADIENT_OF_DIVERGENCE,
+        GRADIENT_OF_LAPLACIAN,
+        DIVERGENCE_OF_TENSOR,
+    )
+}
+"""The divergence of what an operator makes."""
+
 DIVERGENCE_OF_THIRD = Operator(
     "∇·", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.divergence, row), f)
 )
@@ -131,13 +160,8 @@ GRADIENT_OF_TENSOR = Operator(
     "∇", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.gradient, row), f)
 )
 """∂_k R_ij at i, j, k, for products to read."""
-HESSIAN = _composed("2 ∇∇", SYMMETRIC_GRADIENT, GRADIENT)
-ISOTROPIC_LAPLACIAN = _composed("δ ∇²", ISOTROPIC, LAPLACIAN)
-GRADIENT_OF_TENSOR_DIVERGENCE = _composed(
-    "(∇ + ∇ᵀ) ∇·", SYMMETRIC_GRADIENT, DIVERGENCE_OF_TENSOR
-)
-ISOTROPIC_DOUBLE_DIVERGENCE = _composed("δ ∇·∇·", ISOTROPIC_DIVERGENCE, DIVERGENCE_OF_TENSOR)
-DOUBLE_DIVERGENCE = _composed("∇·∇·", DIVERGENCE, DIVERGENCE_OF_TENSOR)
+GRADIENT_OF_TENSOR_DIVERGENCE = composed(SYMMETRIC_GRADIENT, DIVERGENCE_OF_TENSOR)
+ISOTROPIC_DOUBLE_DIVERGENCE = composed(ISOTROPIC_DIVERGENCE, DIVERGENCE_OF_TENSOR)
 
 TRACES = {
     IDENTITY: (IDENTITY, 1.0),
@@ -145,10 +169,12 @@ TRACES = {
     SYMMETRIC_GRADIENT: (DIVERGENCE, 2.0),
     ISOTROPIC: (IDENTITY, 3.0),
     ISOTROPIC_DIVERGENCE: (DIVERGENCE, 3.0),
-    HESSIAN: (LAPLACIAN, 2.0),
+    HESSIANS: (DIVERGENCES[GRADIENT], 2.0),
     ISOTROPIC_LAPLACIAN: (LAPLACIAN, 3.0),
-    GRADIENT_OF_TENSOR_DIVERGENCE: (DOUBLE_DIVERGENCE, 2.0),
-    ISOTROPIC_DOUBLE_DIVERGENCE: (DOUBLE_DIVERGENCE, 3.0),
+    FIELD_GRADIENTS: (FIELD_DIVERGENCE, 2.0),
+    ISOTROPIC_CHARGE: (FIELD_DIVERGENCE, 3.0),
+    GRADIENT_OF_TENSOR_DIVERGENCE: (DIVERGENCES[DIVERGENCE_OF_TENSOR], 2.0),
+    ISOTROPIC_DOUBLE_DIVERGENCE: (DIVERGENCES[DIVERGENCE_OF_TENSOR], 3.0),
 }
 """Operator and factor that make the trace over three dimensions of what an operator makes.
 
@@ -159,6 +185,7 @@ FLUXES = {
     LAPLACIAN: (DIVERGENCE, GRADIENT),
     DIVERGENCE: (DIVERGENCE, IDENTITY),
     FIELD_DIVERGENCE: (DIVERGENCE, ELECTRIC_FIELD),
+    **{whole: (DIVERGENCE, inner) for inner, whole in DIVERGENCES.items()},
 }
 """The outer and the inner derivative of operators that conserve a scalar.
 
@@ -217,8 +244,7 @@ class Product:
     def reads_moment(self, moment: str) -> bool:
         """Return whether a moment, or a derivative of it, is among what it multiplies."""
         return any(
-            (read.moment if isinstance(read, Applied) else read) == moment
-            for read in self.fields()
+            (read.moment if isinstance(read, Applied) else read) == moment for read in self.fields()
         )
 
 
@@ -248,7 +274,7 @@ class Term(eqx.Module):
     group : str
         Heading under which Figs. 4-5 of the paper plot it.
     equation : str
-        Equation number of the paper.
+        Equation number of the paper, or ``"dropped"`` by its derivation.
     moment : str
         A name of `triboflux.hierarchy.RANKS`: whose time derivative it adds to.
     operator : Operator
@@ -358,9 +384,7 @@ def _products(
     if not products:
         return []
     reads = tuple(dict.fromkeys(field for _, product in products for field in product.fields()))
-    fields: dict[Any, Any] = dict(
-        zip(reads, fields_of(discretisation, state, reads), strict=True)
-    )
+    fields: dict[Any, Any] = dict(zip(reads, fields_of(discretisation, state, reads), strict=True))
     results: list[tuple[Term, Array]] = []
     for term, product in products:
         for read in product.reads:
@@ -407,11 +431,11 @@ def values_of(terms: tuple[Term, ...], discretisation: Discretisation, state: Mo
     """
     total: dict[str, Array] = {}
     products = _products(terms, discretisation, state)
-    linear = [
-        (term, term.coefficient * discretisation.values(term.operator.apply(discretisation, source)))
-        for term in terms
-        if isinstance(term.source, str) and (source := getattr(state, term.source)) is not None
-    ]
+    linear: list[tuple[Term, Array]] = []
+    for term in terms:
+        if isinstance(term.source, str):
+            applied = term.operator.apply(discretisation, getattr(state, term.source))
+            linear.append((term, term.coefficient * discretisation.values(applied)))
     for term, value in (*linear, *products):
         total[term.moment] = total[term.moment] + value if term.moment in total else value
     return Moments(**total)

@@ -15,27 +15,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from jaxtyping import Array, Float
-
 from triboflux.hierarchy import MODELS, TRACES
+from triboflux.models import dropped
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.full import charge_terms, covariance_terms, variance_terms
 from triboflux.models.model import Model
+from triboflux.models.products import GRADIENT_ALONG_FIELD, GRADIENT_BY_FIELD
 
-DISPERSION = "dispersion"
-"""Group of the covariance's terms that the divergence of T_ij stands for."""
-
-
-def symmetric(left: Float[Array, "d *x"], right: Float[Array, "d *x"]) -> Float[Array, "d d *x"]:
-    """Return a_i b_j + a_j b_i."""
-    product = left[:, None] * right[None]
-    return product + product.swapaxes(0, 1)
-
-
-_GRADIENT_AND_FIELD = (t.VARIANCE_GRADIENT, t.FIELD)
-GRADIENT_BY_FIELD = t.Product("∇V E + E ∇V", _GRADIENT_AND_FIELD, symmetric)
-GRADIENT_ALONG_FIELD = t.Product("2 E·∇V", _GRADIENT_AND_FIELD, lambda g, e: 2.0 * t.dot(g, e))
 TRACES_OF_PRODUCTS = {GRADIENT_BY_FIELD: GRADIENT_ALONG_FIELD}
 
 
@@ -77,6 +64,7 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "covariance_flux_trace",
             -c.third_moment_coupling,
         ),
+        *dropped.covariance_flux_terms(c),
     )
 
 
@@ -118,15 +106,26 @@ def third_order(coefficients: TransportCoefficients) -> Model:
         Of the equations.
     """
     c = coefficients
-    kept = tuple(term for term in covariance_terms(c) if term.group != DISPERSION)
+    charge, covariance = (
+        tuple(term for term in terms if term.group not in dropped.CLOSED)
+        for terms in (charge_terms(c), covariance_terms(c))
+    )
     flux = t.Term(
-        "flux", DISPERSION, "(3.1)", "covariance", t.DIVERGENCE_OF_TENSOR, "covariance_flux", -1.0
+        "flux",
+        dropped.DISPERSION,
+        "(3.1)",
+        "covariance",
+        t.DIVERGENCE_OF_TENSOR,
+        "covariance_flux",
+        -1.0,
     )
     tensor = covariance_flux_terms(c)
     terms = (
-        *charge_terms(c),
-        *kept,
+        *charge,
+        *dropped.carried_charge_terms(c),
+        *covariance,
         flux,
+        *dropped.carried_covariance_terms(c),
         *variance_terms(c),
         *tensor,
         *(trace_of(term, TRACES_OF_PRODUCTS) for term in tensor),

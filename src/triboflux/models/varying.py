@@ -56,6 +56,10 @@ class _Closures(eqx.Module):
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
 
+    @property
+    def complete(self) -> bool:
+        return self.name == "complete"
+
 
 class LocalCoefficients(eqx.Module):
     """The coefficients of the transport equations as functions of the granular temperature.
@@ -202,7 +206,9 @@ def _local(
 
 
 @ft.cache
-def _vary(builder: Builder, name: str, names: tuple[str, ...], sizes: tuple[int, int]) -> list[bool]:
+def _vary(
+    builder: Builder, name: str, names: tuple[str, ...], sizes: tuple[int, int]
+) -> list[bool]:
     """Return which terms of a closure set depend on Θ, whatever the numbers of the case are."""
     some = _Values(1e3, 0.1, 0.3, 0.7, 2.0, 50.0, 0.9)
     values = {name: 0.37 + 0.01 * i for i, name in enumerate(names)}
