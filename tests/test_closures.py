@@ -253,7 +253,7 @@ def test_published_exists_for_the_hertzian_exponent_only(exponent):
 def test_exponents_without_collision_integrals_are_refused(exponent):
     with pytest.raises(InputError, match=r"exponent: .* must be a finite number above -0\.5"):
         closures.derived(1.0, exponent)
-    with pytest.raises(InputError, match="exponent: .* must be a finite number"):
+    with pytest.raises(InputError, match=r"exponent: .* must be a finite number"):
         closures.complete(1.0, exponent)
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tests.sized import Sized
 from triboflux import closures, drag, models, radial_distribution
+from triboflux.dropped_rates import dropped_rates
 from triboflux.numbers import from_suspension, transport_of
 from triboflux.rates import closure_rates, suspension_transport
 from triboflux.scales import Scales
@@ -91,10 +92,61 @@ def test_scaled_coefficients_are_those_in_si_over_their_scales(suspension, closu
     found = models.transport_coefficients(numbers, closure_set, 3)
     expected = scaled(suspension, closure_name, float)
     sized = scaled(suspension, closure_name, Sized)
-    assert set(vars(found)) == set(expected)
+    assert set(vars(found)) == {*expected, "dropped"}
     for name, value in expected.items():
         assert abs(getattr(found, name) - value) <= 1e-12 * sized[name].size, name
         assert abs(sized[name].value - value) <= 1e-12 * sized[name].size, name
+
+
+@given(suspensions)
+def test_scaled_coefficients_of_dropped_terms_are_those_in_si_over_their_scales(suspension):
+    numbers = from_suspension(suspension, "complete")
+    closure_set = closures.complete(suspension.restitution)
+    found = models.transport_coefficients(numbers, closure_set, 3).dropped
+    expected, sized = (scaled_dropped(suspension, kind) for kind in (float, Sized))
+    assert set(found._fields) == set(expected)
+    for name, value in expected.items():
+        assert abs(getattr(found, name) - value) <= 1e-12 * sized[name].size, name
+
+
+def scaled_dropped(suspension, kind):
+    """Return the coefficients of the dropped terms in SI over their scales."""
+    s, scale = suspension, Scales.of(suspension)
+    transport = transport_of(s, "complete")
+    values = closures.values_for("complete", kind(s.restitution))
+    given_to_both = {
+        "restitution": kind(s.restitution),
+        "diameter": kind(s.diameter),
+        "velocity": kind(s.velocity_scale),
+        "dispersion": kind(transport.dispersion),
+        "conduction": kind(transport.conductivity / s.number_density),
+    }
+    rates = closure_rates(
+        values,
+        collision_time=kind(1.0 / transport.collision_rate),
+        drag_rate=kind(1.0 / s.drag_time),
+        **given_to_both,
+    )
+    time, length, velocity = scale.time, scale.length, scale.velocity
+    charge, field = scale.charge, scale.field
+    in_charge, in_variance = time / charge, time / scale.variance
+    in_third = time / (charge * velocity**2)
+    scales = {
+        "charge_third_moment": charge * velocity**2 / length**2 * in_charge,
+        "covariance_third_moment": 1.0,
+        "covariance_dispersion": time / length**2,
+        "third_moment_gradient": charge / length**2 * in_third,
+        "third_moment_field": field / length * in_third,
+        "variance_flux": 1.0,
+        "variance_flux_gradient": 1.0 / velocity**2,
+        "covariance_along_gradient": scale.covariance * charge / length * in_variance,
+        "covariance_along_field": scale.covariance * field * in_variance,
+        "variance_gradient_production": charge**2 / length**2 * in_variance,
+        "variance_mixed_production": field * charge / length * in_variance,
+        "variance_covariance_destruction": scale.covariance**2 * in_variance,
+    }
+    found = dropped_rates(values, rates, **given_to_both)._asdict()
+    return {name: value * scales[name] for name, value in found.items()}
 
 
 # --- definitions ----------------------------------------------------------------------------------

@@ -90,11 +90,11 @@ def tables(draw, programs=PROGRAMS):
     kinetic, various = model == "kinetic", len(programs) > 1
     if kinetic:
         in_si, model = False, "full"
-    closures = draw(st.sampled_from(["derived", "published"]))
+    closures = draw(st.sampled_from(["derived", "published", "complete"]))
     table = {"model": model, "closures": closures}
     if draw(st.booleans()):
         table["title"] = draw(st.text(st.characters(codec="utf-8", categories=["L", "N"])))
-    if closures == "derived" and not in_si and draw(st.booleans()):
+    if closures != "published" and not in_si and draw(st.booleans()):
         table["exponent"] = draw(st.sampled_from([0.8, 0, 1.0, 0.6]))
     table |= {"suspension": draw(_suspension)} if in_si else {"numbers": draw(_numbers)}
     if not various and not kinetic:

@@ -6,6 +6,7 @@ what the program adds up.
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -14,6 +15,7 @@ import sympy
 
 from triboflux import closures
 from triboflux.audit import audit
+from triboflux.dropped_rates import DroppedRates, scaled_dropped_rates
 from triboflux.models import REGISTRY, Model, Term, transport_coefficients
 from triboflux.models import coefficients as models_coefficients
 from triboflux.rates import ClosureRates, scaled_rates
@@ -55,6 +57,22 @@ RATES = {
 }
 """Symbol, meaning and equation of what `triboflux.rates` computes."""
 
+DROPPED = {
+    "charge_third_moment": ("q", "of ∇·X in the equation of Q, Xᵢ = 2 ∂ⱼTᵢⱼ + ∂ᵢTₘₘ"),
+    "covariance_third_moment": ("h", "of −X in the equation of C"),
+    "covariance_dispersion": ("s", "of ∇²C + 2 ∇∇·C in the equation of C"),
+    "third_moment_gradient": ("t_1", "of 2 ∂ᵢ∂ⱼQ + ∇²Q δᵢⱼ in the equation of T"),
+    "third_moment_field": ("t_2", "of −(∂ᵢEⱼ + ∂ⱼEᵢ + ∇·E δᵢⱼ) in the equation of T"),
+    "variance_flux": (r"\eta_V", "collisional part of the flux of variance"),
+    "variance_flux_gradient": (r"\eta_N", "collisional part of what makes ⟨ξ'ξ'c'⟩ of −∇V"),
+    "covariance_along_gradient": ("v_1", "variance from C·∇Q"),
+    "covariance_along_field": ("v_2", "variance from −C·E"),
+    "variance_gradient_production": ("v_3", "variance from the square of ∇Q"),
+    "variance_mixed_production": ("v_4", "variance from −2 E·∇Q"),
+    "variance_covariance_destruction": ("v_5", "variance from minus the square of C"),
+}
+"""Symbol and meaning of what `triboflux.dropped_rates` computes."""
+
 SHORT = {
     "covariance_collision": "r_c",
     "covariance_exchange": r"r_\xi",
@@ -88,6 +106,8 @@ _VECTOR = {
 class _Closures(SimpleNamespace):
     """Closure coefficients as symbols; the trace is left open."""
 
+    complete = False
+
     def __getitem__(self, name: str) -> sympy.Symbol:
         return closure(name)
 
@@ -104,18 +124,32 @@ def _closure_symbol(name: str) -> str:
     return SHORT.get(name) or latex_math(closures.complete(1.0).coefficients[name].symbol)
 
 
-def symbolic_model(name: str) -> Model:
+def symbolic_model(name: str, *, complete: bool = False) -> Model:
     """Return a model whose coefficients are symbols.
 
     Parameters
     ----------
     name : str
         A key of the registry.
+    complete : bool
+        With the terms that the paper's derivation drops.
     """
-    symbols = {key: sympy.Symbol(symbol) for key, (symbol, *_) in RATES.items()}
-    rates = ClosureRates(**symbols)
-    with mock.patch.object(models_coefficients, "scaled_rates", return_value=rates):
-        return REGISTRY[name](transport_coefficients(NUMBERS, _Closures(), 1))
+    made = {
+        "scaled_rates": _symbolic_rates(),
+        "scaled_dropped_rates": DroppedRates(
+            **{key: sympy.Symbol(symbol) for key, (symbol, _) in DROPPED.items()}
+        ),
+    }
+    with ExitStack() as stack:
+        for function, rates in made.items():
+            patch = mock.patch.object(models_coefficients, function, return_value=rates)
+            stack.enter_context(patch)
+        closures_of = _Closures(complete=complete)
+        return REGISTRY[name](transport_coefficients(NUMBERS, closures_of, 1))
+
+
+def _symbolic_rates() -> ClosureRates:
+    return ClosureRates(**{key: sympy.Symbol(symbol) for key, (symbol, *_) in RATES.items()})
 
 
 def _latex(expression: Any) -> str:
@@ -146,7 +180,8 @@ def _applied(term: Term) -> str:
         return source
     if name.endswith("E"):  # the field of the charge
         return _letters(name)
-    operator = f"({_letters(name)})" if " + " in name else _letters(name)
+    bare = " + " in name and not name.startswith("(")
+    operator = f"({_letters(name)})" if bare else _letters(name)
     return f"{operator}{source}"
 
 
@@ -206,6 +241,39 @@ def terms() -> str:
         formulas = () if name == "full" else (equations(name),)
         sections += [f"### {name}", *formulas, "\n".join(rows)]
     return "\n\n".join(sections)
+
+
+def dropped() -> str:
+    """Return the terms that the paper's derivation drops, and what stands in front of them."""
+    sections: list[str] = []
+    for name in ("third-order", "full", "semi-algebraic", "algebraic"):
+        found = [term for term in symbolic_model(name, complete=True).terms if _is_dropped(term)]
+        if not found:
+            continue
+        rows = [
+            "| equation of | term | group in budgets | operator | source | coefficient |",
+            "| --- | --- | --- | --- | --- | --- |",
+        ]
+        for term in found:
+            cells = (
+                f"${_LETTERS[term.moment]}$",
+                term.name,
+                term.group,
+                term.operator.name,
+                f"${_source(term)}$",
+                _cell(term.coefficient),
+            )
+            rows.append(f"| {' | '.join(cells)} |")
+        sections += [f"### {name}, `complete`", "\n".join(rows)]
+    rows = ["| symbol | what | expression |", "| --- | --- | --- |"]
+    expressions = scaled_dropped_rates(_Closures(), _symbolic_rates(), NUMBERS)._asdict()
+    for key, (symbol, meaning) in DROPPED.items():
+        rows.append(f"| ${symbol}$ | {meaning} | {_cell(expressions[key])} |")
+    return "\n\n".join(["\n".join(rows), *sections])
+
+
+def _is_dropped(term: Term) -> bool:
+    return term.equation == "dropped"
 
 
 def rate_expressions() -> dict[str, sympy.Expr]:

@@ -9,12 +9,13 @@ from sphinx.util.docutils import SphinxDirective
 
 from .citation import citation
 from .commands import commands
-from .equations import coefficients, equations, rates, terms
+from .equations import coefficients, dropped, equations, rates, terms
 
 PIECES = {
     "citation": citation,
     "coefficients": coefficients,
     "commands": commands,
+    "dropped": dropped,
     "equations": equations,
     "rates": rates,
     "terms": terms,

@@ -98,11 +98,12 @@ def _third(collisions: Collisions) -> dict[str, Array]:
         collisions.after((zero, zero), 0.0, field_transfer=1.0, field=field)
         for field in (CONTACT * k, single)
     )
-    by_field = (
+    trace, product = (
         observable(outcome.velocity_1, outcome.charge_1)
         for observable, outcome in zip((psi.third_trace, psi.third_product), driven, strict=True)
     )
-    return _parts("third_charge", *by_charge, matrix) | _parts("third_field", *by_field, matrix)
+    by_field = _parts("third_field", trace, product, matrix)
+    return _parts("third_charge", *by_charge, matrix) | by_field
 
 
 def _products(collisions: Collisions) -> dict[str, Array]:
