@@ -89,14 +89,7 @@ def test_operator_is_the_sum_of_the_linear_terms(grid, name):
         (Grid((3, 4, 3), (1.0, 0.5, 2.0)), "third-order"),
         (Grid((3, 4), (1.0, 0.5)), "self-consistent"),
     ],
-    ids=[
-        "1-D",
-        "2-D",
-        "1-D third-order",
-        "2-D third-order",
-        "3-D third-order",
-        "2-D self-consistent",
-    ],
+    ids=lambda given: f"{given.dimensions}-D" if isinstance(given, Grid) else given,
 )
 def test_functions_are_those_of_the_dense_matrix(grid, name):
     model = coupled_model(grid.dimensions, name)

@@ -16,8 +16,11 @@ import sympy
 from triboflux import closures
 from triboflux.audit import audit
 from triboflux.dropped_rates import DroppedRates, scaled_dropped_rates
-from triboflux.models import REGISTRY, Model, Term, transport_coefficients
+from triboflux.hierarchy import MODELS
+from triboflux.models import REGISTRY, Model, Term, build, transport_coefficients
 from triboflux.models import coefficients as models_coefficients
+from triboflux.models.varying import OFF, TEMPERATURE
+from triboflux.numbers import Numbers
 from triboflux.rates import ClosureRates, scaled_rates
 from triboflux.tables import latex_math
 
@@ -90,6 +93,9 @@ _LETTERS = {
     "variance": "V",
     "covariance_flux": r"\mathbf{T}",
     "covariance_flux_trace": "T_{mm}",
+    "granular_temperature_tensor": r"\mathbf{R}",
+    "granular_temperature": r"\Theta",
+    "dissipated_energy": "W",
 }
 _VECTOR = {
     "E": r"\mathbf{E}",
@@ -221,6 +227,9 @@ def terms() -> str:
     """
     sections: list[str] = []
     for name in REGISTRY:
+        if TEMPERATURE in MODELS[name].evolves:
+            sections += [f"### {name}", _local_terms(name)]
+            continue
         model = symbolic_model(name)
         rows = [
             "| equation of | term | group in budgets | paper | operator | source | coefficient |",
@@ -241,6 +250,30 @@ def terms() -> str:
         formulas = () if name == "full" else (equations(name),)
         sections += [f"### {name}", *formulas, "\n".join(rows)]
     return "\n\n".join(sections)
+
+
+def _local_terms(name: str) -> str:
+    """Return the terms of a model whose coefficients are those of the local temperature."""
+    numbers = Numbers(
+        peclet=1e3, tau_c=0.1, tau_p=1.0, energy_ratio=1.0, length_ratio=50.0, restitution=0.9
+    )
+    rows = [
+        "Coefficients are those of the local Θ; what they are at Θ = 1 and the rest are one here.",
+        "",
+        "| equation of | term | group in budgets | operator | source |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    for term in build(name, numbers).terms:
+        if not term.name.endswith(OFF):
+            cells = (
+                f"${_LETTERS[term.moment]}$",
+                term.name,
+                term.group,
+                term.operator.name,
+                f"${_source(term)}$",
+            )
+            rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
 
 
 def dropped() -> str:

@@ -26,9 +26,10 @@ TRACES = {
     "covariance_flux": ("covariance_flux_trace", 1.0),
     "granular_temperature_tensor": ("granular_temperature", 1.0 / 3.0),
 }
-"""The moment that is so many times a tensor's trace over three dimensions, whatever those of the box.
+"""The moment that is so many times a tensor's trace over three dimensions, and how many.
 
-Together they are the tensor of a three-dimensional state that is uniform in the other directions.
+Whatever those of the box: together they are the tensor of a three-dimensional state that is uniform
+in the other directions.
 """
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from triboflux.hierarchy import MODELS, TRACES
 from triboflux.models import dropped
@@ -97,6 +98,13 @@ def trace_of(term: t.Term, products: Mapping[t.Product, t.Product]) -> t.Term:
     )
 
 
+def with_traces(
+    *terms: t.Term, products: Mapping[t.Product, t.Product] = MappingProxyType({})
+) -> tuple[t.Term, ...]:
+    """Return terms of a tensor and those of its trace; parameters as for `trace_of`."""
+    return (*terms, *(trace_of(term, products) for term in terms))
+
+
 def third_order(coefficients: TransportCoefficients) -> Model:
     """Return the third-order model: the full one with an equation for ⟨ξ'c'c'⟩.
 
@@ -119,7 +127,6 @@ def third_order(coefficients: TransportCoefficients) -> Model:
         "covariance_flux",
         -1.0,
     )
-    tensor = covariance_flux_terms(c)
     terms = (
         *charge,
         *dropped.carried_charge_terms(c),
@@ -127,7 +134,6 @@ def third_order(coefficients: TransportCoefficients) -> Model:
         flux,
         *dropped.carried_covariance_terms(c),
         *variance_terms(c),
-        *tensor,
-        *(trace_of(term, TRACES_OF_PRODUCTS) for term in tensor),
+        *with_traces(*covariance_flux_terms(c), products=TRACES_OF_PRODUCTS),
     )
     return Model("third-order", MODELS["third-order"].evolves, terms, c)

@@ -26,6 +26,8 @@ from triboflux.numbers import Numbers
 Scalar: TypeAlias = float | Float[Array, ""]
 
 TEMPERATURE = "granular_temperature"
+OFF = ", off the first temperature"
+"""Ends the name of a term that is what another lacks where Θ is not one."""
 CONSERVED = ("charge", "variance")
 """Moments that gradients only move from place to place."""
 _COLDEST = 1e-12
@@ -51,7 +53,7 @@ class _Closures(eqx.Module):
 
     name: str = eqx.field(static=True)
     exponent: Scalar
-    values: dict[str, Scalar]
+    values: dict[str, Any]
 
     def __getitem__(self, name: str) -> Any:
         return self.values[name]
@@ -133,21 +135,21 @@ class _CoefficientsOf(NamedTuple):
 class _Excess(NamedTuple):
     """By what a linear term differs from the same one at Θ = 1."""
 
-    index: int
+    place: int
 
     def __call__(self, field: Array, found: Any, local: LocalCoefficients) -> Array:
-        return t.times(found[1][self.index], field)
+        return t.times(found[1][self.place], field)
 
 
 class _Local(NamedTuple):
     """A product with a coefficient that depends on place."""
 
-    index: int
+    place: int
     function: Callable[..., Array]
 
     def __call__(self, *fields: Any) -> Array:
         *factors, found, _ = fields
-        return t.times(found[0][self.index], self.function(*factors))
+        return t.times(found[0][self.place], self.function(*factors))
 
 
 def varying(builder: Builder, local: LocalCoefficients) -> tuple[t.Term, ...]:
@@ -187,7 +189,7 @@ def _excess(
     product = t.Product(f"off Θ = 1: {inner.name}", (read, _shared(builder)), _Excess(index))
     return replace(
         term,
-        name=f"{term.name}, off the first temperature",
+        name=f"{term.name}{OFF}",
         operator=outer,
         source=product,
         coefficient=1.0,
