@@ -31,6 +31,7 @@ def pretended(error, status=None, axes=AXES, **changes):
     }
     attributes = {
         "reduced": "semi-algebraic",
+        "reference": "full",
         "closures": "published",
         "measure": MEASURE,
         "case": small(**changes).to_toml(),

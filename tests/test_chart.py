@@ -18,7 +18,8 @@ from triboflux.case import Case
 from triboflux.errors import InputError
 from triboflux.figures import chart
 from triboflux.figures.chart import Mark, chart_figure, contour_lines
-from triboflux.suitability import OUTSIDE, chart_axes, load, suitability
+from triboflux.suitability import OUTSIDE, chart_axes, suitability
+from triboflux.suitability_file import load
 from triboflux.suitability_output import (
     NAMES,
     Options,
@@ -78,6 +79,15 @@ def test_points_without_error_are_hatched_and_counted():
     assert labels == ["1%", "5%", "10%", "$F \\leq 0$", "refused"]
     (mesh,) = [c for c in figure.axes[0].collections if not isinstance(c, PolyCollection)]
     np.testing.assert_array_equal(np.ma.getmaskarray(mesh.get_array()), np.isnan(error).T)
+
+
+def test_the_reference_is_named():
+    error, axes = smooth()
+    made = pretended(error, axes=axes).assign_attrs(reduced="full", reference="third-order")
+    caption = " ".join(chart_figure(made).get_suptitle().split())
+    assert caption.startswith("Full against third-order model, published closures")
+    assert caption.endswith("when the third-order model's peak has halved.")
+    assert summary(made)[0].startswith("full against third-order, published closures")
 
 
 def marks_of(figure):
@@ -159,6 +169,7 @@ def command_options(folder, **changes):
         "output": folder / "out",
         "case_file": None,
         "reduced": "semi-algebraic",
+        "reference": "full",
         "closures": None,
         "points": 3,
         "axes": (None, None),
@@ -191,6 +202,7 @@ def test_a_suspension_varies_only_if_it_is_asked_to(tmp_path, monkeypatch, axes,
     suitability_output.command(options)
     ((case, given),) = asked
     assert given["retry"] is True
+    assert given["reference"] == "full"
     assert (case.suspension is None) is frozen
     assert case.numbers == Case.from_toml_text(TOML).numbers
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted([*NAMES, "runs"])
@@ -207,6 +219,7 @@ def test_summary_counts():
     ("arguments", "words"),
     [
         (["--reduced", "full"], "reduced is 'full', but must be one of semi-algebraic"),
+        (["--reference", "fuller"], "reference is 'fuller', but must be one of third-order, full"),
         (["--closures", "printed"], "closures is 'printed'"),
         (["--points", "1"], "points is 1, but must be at least 2"),
         (["--suspension", "none.toml"], "none.toml"),

@@ -25,7 +25,7 @@ from triboflux.figures.measures import distances
 from triboflux.figures.statements import Finding, Statement, statements
 from triboflux.result import load
 from triboflux.suitability import OUTSIDE
-from triboflux.suitability import load as load_map
+from triboflux.suitability_file import load as load_map
 
 VARIABLES = ("charge", "field", "covariance", "variance")
 COMPARED = {3: "gradient", 7: "semi-algebraic", 8: "semi-algebraic"}

@@ -16,7 +16,7 @@ from triboflux.case import Case
 from triboflux.errors import InputError, TribofluxError
 from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.result import load
-from triboflux.suitability import load as load_map
+from triboflux.suitability_file import load as load_map
 
 SEAL = 48
 

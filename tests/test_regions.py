@@ -20,7 +20,8 @@ from triboflux.errors import InputError, TribofluxError
 from triboflux.figures import CLOSURES, MAP, Reproduction, cases, paper_case, regions
 from triboflux.figures.statements import statements
 from triboflux.result import Result
-from triboflux.suitability import OUTSIDE, RANGES, chart_case, load
+from triboflux.suitability import OUTSIDE, RANGES, chart_case
+from triboflux.suitability_file import load
 from triboflux.sweep import SweepProgress
 
 NAMES = ("fig9.png", "fig9.pdf", "fig9_published.nc", "fig9_derived.nc")

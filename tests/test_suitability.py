@@ -14,10 +14,9 @@ from triboflux.suitability import (
     OUTSIDE,
     chart_axes,
     chart_case,
-    load,
-    save,
     suitability,
 )
+from triboflux.suitability_file import load, save
 from triboflux.sweep import Sweep
 
 # the package gives the function that is named like it
@@ -102,15 +101,14 @@ def test_another_model_reuses_the_full_one(found, store):
     assert told[-1].done == told[-1].total == 14
 
 
-def test_other_ends_of_runs_have_their_own_status(tmp_path, monkeypatch):
-    endings = {
-        "full": ["ok", "ok", "refused", "diverged"],
-        "algebraic": ["nonphysical"],
-    }
+@pytest.mark.parametrize(("reduced", "reference"), [("algebraic", "full"), ("full", "third-order")])
+def test_other_ends_of_runs_have_their_own_status(tmp_path, monkeypatch, reduced, reference):
+    endings = {reference: ["ok", "ok", "refused", "diverged"], reduced: ["nonphysical"]}
     asked = []
 
     def pretend(members, store, **options):
         asked.append(members)
+        assert store.name.startswith(f"{members.case['model']}-")
         assert options["retry"] is True
         status = endings[members.case["model"]]
         assert members.size == len(status)
@@ -124,16 +122,19 @@ def test_other_ends_of_runs_have_their_own_status(tmp_path, monkeypatch):
 
     monkeypatch.setattr(suitability_module, "sweep", pretend)
     axes = ("numbers.peclet", [1e6, 1e7]), ("numbers.tau_c", [1e-3, 1e-2])
-    made = suitability(small(run__t_end=7.0), "algebraic", axes, store_folder=tmp_path, retry=True)
+    given = {"reference": reference, "store_folder": tmp_path, "retry": True}
+    made = suitability(small(run__t_end=7.0), reduced, axes, **given)
     status, reason = made["status"].values.ravel(), made["reason"].values.ravel()
     assert list(status) == ["reduced nonphysical", NOT_HALVED, "refused", "diverged"]
     assert list(reason[[0, 2, 3]]) == [f"{name} as it is" for name in ("nonphysical", *status[2:])]
     assert reason[1] == "the largest charge has not halved by t = 7"
     assert np.isnan(made["error"].values).all()
-    full, algebraic = asked
-    assert full.case["run"]["stop_at_peak_charge"] == 0.5
-    assert "stop_at_peak_charge" not in algebraic.case["run"]
-    assert algebraic.parameters == {
+    assert (made.attrs["reduced"], made.attrs["reference"]) == (reduced, reference)
+    assert f"Q_reduced - Q_{reference} over" in made.attrs["measure"]
+    judge, judged = asked
+    assert judge.case["run"]["stop_at_peak_charge"] == 0.5
+    assert "stop_at_peak_charge" not in judged.case["run"]
+    assert judged.parameters == {
         "numbers.peclet": [1e6],
         "numbers.tau_c": [1e-3],
         "run.t_end": [3.0],
@@ -170,6 +171,9 @@ def test_share_of_the_plane_where_the_variance_grows(closures, wide, paper):
     ("changes", "words"),
     [
         ({"reduced": "semialgebraic"}, "reduced is 'semialgebraic', but must be one of"),
+        ({"reduced": "full"}, "reduced is 'full', but must be one of semi-algebraic"),
+        ({"reference": "gradient"}, "reduced is 'semi-algebraic', but must be one of collisional"),
+        ({"reference": "collisional"}, "reference is 'collisional', but must be one of"),
         ({"axes": AXES[:1]}, "axes must be two different keys"),
         ({"axes": (AXES[0], AXES[0])}, "axes must be two different keys"),
         ({"axes": (AXES[0], ("run.rtol", [1e-6, 1e-5]))}, "axes is 'run.rtol'"),

@@ -56,8 +56,11 @@ def chart(
         typer.Argument(metavar="CASE.toml", help="Everything else; the paper's case if absent."),
     ] = None,
     reduced: Annotated[
-        str, typer.Option(metavar="MODEL", help="The model to judge against the full one.")
+        str, typer.Option(metavar="MODEL", help="The model to judge.")
     ] = "semi-algebraic",
+    reference: Annotated[
+        str, typer.Option(metavar="MODEL", help="The model to judge it against, which keeps more.")
+    ] = "full",
     closures: Annotated[
         str | None,
         typer.Option(
@@ -99,6 +102,7 @@ def chart(
             output=output,
             case_file=case_file,
             reduced=reduced,
+            reference=reference,
             closures=closures,
             points=points,
             axes=(x, y),

@@ -1,4 +1,4 @@
-"""Where a reduced model is good enough: its error against the full one over two numbers."""
+"""Where a reduced model is good enough: its error against one that keeps more, over two numbers."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ from triboflux.case import MODEL_NAMES, Case
 from triboflux.case_text import case_table
 from triboflux.comparison import relative_errors
 from triboflux.errors import InputError, require_one_of, shown, shown_path
-from triboflux.files import require_file, require_folder
+from triboflux.files import require_folder
 from triboflux.initial_state import initial_fields
-from triboflux.netcdf_file import require_readable, sealed_at_once
 from triboflux.rates import scaled_rates
 from triboflux.sweep import Sweep, SweepProgress, sweep
 from triboflux.sweep_layout import coordinate_names
@@ -31,14 +30,26 @@ from triboflux.sweep_values import ValueRange, plain
 if TYPE_CHECKING:
     import xarray as xr
 
-REDUCED = MODEL_NAMES[MODEL_NAMES.index("full") + 1 :]
-"""Models that can be judged."""
+REFERENCE = "full"
+"""The model that others are judged against unless another is asked for: the paper's."""
 
-MEASURE = (
-    "L2 norm of Q_reduced - Q_full over L2 norm of Q_full, at the time when the largest absolute "
-    "charge of the full model has fallen to half of its initial value"
-)
-"""What the error is; the paper's Fig. 9 prints no criterion."""
+
+def measure_of(reference: str) -> str:
+    """Return what the error is; the paper's Fig. 9 prints no criterion.
+
+    Parameters
+    ----------
+    reference : str
+        The model that another is judged against.
+    """
+    return (
+        f"L2 norm of Q_reduced - Q_{reference} over L2 norm of Q_{reference}, at the time when the "
+        f"largest absolute charge of the {reference} model has fallen to half of its initial value"
+    )
+
+
+MEASURE = measure_of(REFERENCE)
+"""What the error against the full model is."""
 
 RANGES = {"numbers.peclet": (1e2, 1e8), "numbers.tau_c": (1e-5, 1.0)}
 """The plane of the paper's Fig. 9, and its ends here."""
@@ -46,7 +57,7 @@ RANGES = {"numbers.peclet": (1e2, 1e8), "numbers.tau_c": (1e-5, 1.0)}
 OUTSIDE = "F <= 0"
 """Status of a point whose charge variance would grow by itself."""
 NOT_HALVED = "not halved"
-"""Status of a point where the full model's charge did not fall to half by the end of its run."""
+"""Status of a point where the reference's charge did not fall to half by the end of its run."""
 
 _SWEPT = ("numbers.", "suspension.", "exponent")
 _HALF = 0.5
@@ -118,21 +129,22 @@ def suitability(
     reduced: str = "semi-algebraic",
     axes: Sequence[tuple[str, Sequence[float]]] | None = None,
     *,
+    reference: str = REFERENCE,
     store_folder: str | PathLike[str],
     workers: int | None = None,
     retry: bool = False,
     on_progress: Callable[[SweepProgress], None] | None = None,
 ) -> xr.Dataset:
-    """Return the error of a reduced model against the full one over two numbers of a case.
+    """Return the error of a reduced model against a more complete one over two numbers of a case.
 
-    The error of a point is the L2 norm of the difference of the mean charges over that of the full
-    model's, both at the time t* at which the full model's largest absolute charge has fallen to
+    The error of a point is the L2 norm of the difference of the mean charges over that of the
+    reference's, both at the time t* at which the reference's largest absolute charge has fallen to
     half of its initial value. So it is 0 for a perfect model and of order 1 for a useless one; it
     judges pace and shape together. The paper's Fig. 9 shows a boundary without saying of what.
 
-    A reduced model is judged only where the full one is valid. There is no error where the closures
-    are refused, where F <= 0 (the charge variance would grow by itself; with both closure sets),
-    or where the full model does not get to t*.
+    A model is judged only where its reference is valid. There is no error where the closures are
+    refused, where F <= 0 (the charge variance would grow by itself; with both closure sets), or
+    where the reference does not get to t*.
 
     Parameters
     ----------
@@ -140,12 +152,14 @@ def suitability(
         Everything else; its model, stop rules and outputs have no effect.
     reduced : str
         The model to judge.
+    reference : str
+        The model to judge it against, which keeps more: earlier in `triboflux.hierarchy.MODELS`.
     axes : pair of (str, sequence of float), optional
         Two dotted keys in ``numbers`` or ``suspension``, or ``exponent``, each with at least two
         increasing positive values; `chart_axes` of 32 points by default.
     store_folder : path-like
         Existing folder for the stores of two sweeps. The same call goes on where it was
-        interrupted, and other models over the same points find the full model's runs there.
+        interrupted, and other models over the same points find the reference's runs there.
     workers : int, optional
         Number of local processes; one per usable core by default.
     retry : bool
@@ -159,17 +173,17 @@ def suitability(
     xarray.Dataset
         Over the two numbers: ``error`` (NaN where there is none), ``stop_time`` (t*), ``status``
         and ``reason``. Status is ``"ok"``; ``"F <= 0"``; ``"refused"``, ``"diverged"`` or
-        ``"failed"`` of the full model; ``"not halved"`` by the end of the run; or ``"reduced "``
-        and the status of the reduced model. Attributes hold case, model, measure and versions.
+        ``"failed"`` of the reference; ``"not halved"`` by the end of the run; or ``"reduced "`` and
+        the status of the reduced model. Attributes hold case, both models, measure and versions.
 
     Raises
     ------
     InputError
-        If the model, an axis or the folder is not allowed, or the case has no initial charge.
+        If a model, an axis or the folder is not allowed, or the case has no initial charge.
     TribofluxError
         If workers fail; see `triboflux.sweep`.
     """
-    require_one_of("reduced", reduced, REDUCED)
+    require_models(reduced, reference)
     folder = Path(store_folder)
     require_folder(folder)
     grid, stop = require_plane(case, axes or chart_axes(32))
@@ -177,11 +191,11 @@ def suitability(
     inside = [index for index, point in enumerate(points) if point.status == "ok"]
     report = _progress_of_two(on_progress, len(inside))
 
-    run = {"model": "full", "run": {"stop_at_peak_charge": stop}}
-    full = _run(grid, inside, run, {}, folder / "full", workers, retry, report)
+    run = {"model": reference, "run": {"stop_at_peak_charge": stop}}
+    judge = _run(grid, inside, run, {}, folder / reference, workers, retry, report)
     reached: dict[int, int] = {}
     for place, index in enumerate(inside):
-        points[index] = point = _Point.of(full, place)
+        points[index] = point = _Point.of(judge, place)
         if point.status == "ok" and point.stop_time < case.run.t_end:
             reached[index] = place
         elif point.status == "ok":
@@ -191,20 +205,37 @@ def suitability(
     times = {"run.t_end": [points[index].stop_time for index in reached]}
     run = {"model": reduced}
     other = _run(grid, list(reached), run, times, folder / reduced, workers, retry, report)
-    for place, (index, of_full) in enumerate(reached.items()):
+    for place, (index, of_judge) in enumerate(reached.items()):
         point = _Point.of(other, place)
         if point.status != "ok":
             points[index].status, points[index].reason = f"reduced {point.status}", point.reason
             continue
-        charges = other["charge"].values[place], full["charge"].values[of_full]
+        charges = other["charge"].values[place], judge["charge"].values[of_judge]
         error = relative_errors(*charges).rms
         # a charge that has halved does not vanish
         points[index].error = np.nan if error is None else error
-    return _dataset(grid, points, case, reduced)
+    return _dataset(grid, points, case, (reduced, reference))
+
+
+def require_models(reduced: str, reference: str) -> None:
+    """Refuse a reference that does not keep more than the model that it judges.
+
+    Parameters
+    ----------
+    reduced, reference : str
+        See `suitability`.
+
+    Raises
+    ------
+    InputError
+        If a model is unknown, or there is none that leaves out more than the reference.
+    """
+    require_one_of("reference", reference, MODEL_NAMES[:-1])
+    require_one_of("reduced", reduced, MODEL_NAMES[MODEL_NAMES.index(reference) + 1 :])
 
 
 def require_plane(case: Case, axes: Sequence[tuple[str, Sequence[float]]]) -> tuple[Sweep, float]:
-    """Return the points of a plane and where the full model's runs stop, or refuse the plane.
+    """Return the points of a plane and where the reference's runs stop, or refuse the plane.
 
     Parameters
     ----------
@@ -321,17 +352,20 @@ def _progress_of_two(
     return report
 
 
-def _dataset(grid: Sweep, points: Sequence[_Point], case: Case, reduced: str) -> xr.Dataset:
-    """Label the map."""
+def _dataset(
+    grid: Sweep, points: Sequence[_Point], case: Case, models: tuple[str, str]
+) -> xr.Dataset:
+    """Label the map of a reduced model and its reference."""
     import xarray as xr
 
     from triboflux.dataset import versions  # imports xarray
 
+    reduced, reference = models
     names = coordinate_names(tuple(grid.parameters))
     dimensions = tuple(names.values())
     long_names = {
-        "error": MEASURE,
-        "stop_time": "t*, when the full model's largest charge has halved",
+        "error": measure_of(reference),
+        "stop_time": f"t*, when the {reference} model's largest charge has halved",
         "status": "ok, or why there is no error",
         "reason": "the same in a sentence",
     }
@@ -348,60 +382,10 @@ def _dataset(grid: Sweep, points: Sequence[_Point], case: Case, reduced: str) ->
     }
     attributes = {
         "reduced": reduced,
+        "reference": reference,
         "closures": case.closures,
-        "measure": MEASURE,
+        "measure": measure_of(reference),
         "case": case.to_toml(),
         "versions": json.dumps(versions()),
     }
     return xr.Dataset(variables, coordinates, attributes)
-
-
-def save(dataset: xr.Dataset, path: str | PathLike[str], overwrite: bool = False) -> None:
-    """Write a map as NetCDF, all of it or nothing.
-
-    Parameters
-    ----------
-    dataset : xarray.Dataset
-        From `suitability`.
-    path : path-like
-        The file to write; its folder must exist.
-    overwrite : bool
-        Replace an existing file.
-
-    Raises
-    ------
-    InputError
-        If the folder is missing or the file exists.
-    TribofluxError
-        If writing fails; no file is left then.
-    """
-    with sealed_at_once(path, overwrite=overwrite) as partial:
-        dataset.to_netcdf(partial, engine="netcdf4")  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
-
-
-def load(path: str | PathLike[str]) -> xr.Dataset:
-    """Read a map that `save` has written.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the file can't be read or holds something else.
-    """
-    import xarray as xr
-
-    name = f"map {shown_path(path)}"
-    require_file(path, name)
-    require_readable(path, name)
-    try:
-        with xr.open_dataset(path, engine="netcdf4") as opened:  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
-            found = opened.load()  # pyright: ignore[reportUnknownMemberType] -- untyped keywords in xarray
-    except Exception as error:  # of many kinds: what the readers raise on files of other programs
-        raise InputError(f"{name} is no readable NetCDF file.") from error
-    if "reduced" not in found.attrs or "error" not in found:
-        raise InputError(f"{name} was not written by triboflux chart.")
-    return found

@@ -15,17 +15,17 @@ import numpy as np
 from triboflux import numbers
 from triboflux.case import Case
 from triboflux.compare import with_changes
-from triboflux.errors import InputError, require_one_of, shown, shown_path
+from triboflux.errors import InputError, shown, shown_path
 from triboflux.files import require_folder, require_writable, written_at_once
 from triboflux.initial_state import require_file
 from triboflux.suitability import (
-    REDUCED,
     chart_axes,
     chart_case,
+    require_models,
     require_plane,
-    save,
     suitability,
 )
+from triboflux.suitability_file import save
 from triboflux.suspension import read_suspension_file
 from triboflux.sweep_runners import require_runner
 from triboflux.sweep_values import ValueRange
@@ -66,6 +66,8 @@ class Options:
         The case; `triboflux.suitability.chart_case` if None.
     reduced : str
         Model to judge.
+    reference : str
+        Model to judge it against.
     closures : str or None
         Closure set in place of the case's own.
     points : int
@@ -87,6 +89,7 @@ class Options:
     output: Path
     case_file: Path | None
     reduced: str
+    reference: str
     closures: str | None
     points: int
     axes: tuple[str | None, str | None]
@@ -126,6 +129,7 @@ def command(options: Options) -> None:
                     case,
                     options.reduced,
                     axes,
+                    reference=options.reference,
                     store_folder=runs,
                     workers=options.workers,
                     retry=options.retry,
@@ -193,7 +197,7 @@ def _axis(option: str, text: str, points: int) -> tuple[str, list[float]]:
 
 def _case(options: Options, axes: tuple[tuple[str, list[float]], ...]) -> Case:
     """Return the case, with numbers in place of a suspension unless that is what varies."""
-    require_one_of("reduced", options.reduced, REDUCED)
+    require_models(options.reduced, options.reference)
     if options.case_file is None:
         return chart_case(options.closures or "derived")
     case = Case.from_toml(options.case_file)
@@ -321,7 +325,8 @@ def summary(dataset: xr.Dataset) -> list[str]:
     good = ", ".join(
         f"{int(np.sum(error <= part))} within {part:.0%}" for part in (0.01, 0.05, 0.1)
     )
-    model = f"{dataset.attrs['reduced']} against full, {dataset.attrs['closures']} closures"
+    models = f"{dataset.attrs['reduced']} against {dataset.attrs['reference']}"
+    model = f"{models}, {dataset.attrs['closures']} closures"
     return [f"{model}: {error.size} points: {told}", f"error: {good}"]
 
 

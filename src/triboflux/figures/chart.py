@@ -326,10 +326,11 @@ def counted(dataset: Dataset) -> str:
 
 def _caption(dataset: Dataset, marks: Mapping[str, Mark]) -> str:
     """Return what is shown, and how many points have no error for which reason."""
+    reference = dataset.attrs["reference"]
     paragraphs = [
-        f"{str(dataset.attrs['reduced']).capitalize()} against full model, "
-        f"{dataset.attrs['closures']} closures: relative L2 error of the charge when the full "
-        "model's peak has halved.",
+        f"{str(dataset.attrs['reduced']).capitalize()} against {reference} model, "
+        f"{dataset.attrs['closures']} closures: relative L2 error of the charge when the "
+        f"{reference} model's peak has halved.",
     ]
     if reasons(dataset):
         paragraphs.append(f"Hatched, without an error: {counted(dataset)}.")
