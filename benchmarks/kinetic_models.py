@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import triboflux
 from benchmarks.kinetic_beyond import COMPLETED, TRANSPORTED, beyond
 from benchmarks.kinetic_particles import (
+    MODES,
+    STOP,
     K,
     Reals,
     Reference,
@@ -20,9 +23,14 @@ from benchmarks.kinetic_particles import (
 )
 from triboflux.case import MODEL_NAMES
 from triboflux.closures import PAPERS_EQUATIONS
-from triboflux.errors import OutOfRangeError
+from triboflux.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FIELDS = ("charge", "covariance", "variance")
+_OUTPUTS = 3
+"""Always as many, if there are not more, because another number is another compiled program."""
 STREAMING = "free streaming, exact"
 """What particles do that never collide; no model."""
 
@@ -36,7 +44,7 @@ class Prediction:
     time : float or None
         t*; None if there is none.
     moments : mapping of str to numpy.ndarray
-        Those of `FIELDS` that the model knows, on the points, at the particles' t*.
+        Those of `MODES` that the model knows, on the points, at the particles' t*.
     remark : str
         Why something is missing.
     """
@@ -67,13 +75,18 @@ class Errors:
 
 def errors_of(prediction: Prediction, reference: Reference) -> Errors:
     """Return how far a prediction is from the particles."""
+    moments = {name: each.values for name, each in reference.moments.items()}
+    return errors_beside(prediction, reference.time, moments)
+
+
+def errors_beside(prediction: Prediction, time: float, moments: Mapping[str, Reals]) -> Errors:
+    """Return how far a prediction is from what particles have at their t*."""
     found = {
-        name: float(np.linalg.norm(values - reference.moments[name].values))
-        / float(np.linalg.norm(reference.moments[name].values))
+        name: float(np.linalg.norm(values - moments[name]) / np.linalg.norm(moments[name]))
         for name, values in prediction.moments.items()
     }
-    time = None if prediction.time is None else prediction.time / reference.time - 1.0
-    return Errors(time, found, prediction.remark)
+    late = None if prediction.time is None else prediction.time / time - 1.0
+    return Errors(late, found, prediction.remark)
 
 
 def predictions(setting: Setting, at: float) -> dict[tuple[str, str], Prediction]:
@@ -106,21 +119,38 @@ def predictions(setting: Setting, at: float) -> dict[tuple[str, str], Prediction
 
 def predict(setting: Setting, model: str, closure_set: str, at: float) -> Prediction:
     """Return what a model with a closure set says."""
+    return predict_at(setting, model, closure_set, [at])[0]
+
+
+def predict_at(
+    setting: Setting, model: str, closure_set: str, times: Sequence[float]
+) -> list[Prediction]:
+    """Return what a model with a closure set says at several t* of particles."""
+    stopping = {"t_end": 1e6, "stop_at_peak_charge": STOP, "outputs": _OUTPUTS}
     try:
-        stopped = triboflux.solve(setting.case(model, closure_set))
-    except OutOfRangeError as error:
-        return Prediction(None, remark=f"refused: {error}")
+        stopped = triboflux.solve(setting.case(model, closure_set, **stopping))
+    except InputError as error:
+        return [Prediction(None, remark=f"refused: {error}")] * len(times)
     if stopped.status != "ok":
-        return Prediction(None, remark=f"{stopped.status}: {stopped.stop_reason}")
+        ended = Prediction(None, remark=f"{stopped.status}: {stopped.stop_reason}")
+        return [ended] * len(times)
     time = float(stopped.dataset["time"][-1])
-    there = triboflux.solve(setting.case(model, closure_set, t_end=at, outputs=[at]))
-    if there.status != "ok":
-        return Prediction(time, remark=f"{there.status}: {there.stop_reason}")
-    last = there.dataset.isel(time=-1)
-    moments = {"charge": last["charge"].values, "covariance": last["covariance"].values[0]}
-    if "variance" in last:
-        moments["variance"] = last["variance"].values
-    return Prediction(time, moments)
+    outputs = sorted(set(times))
+    outputs = [*np.linspace(0.0, outputs[0], _OUTPUTS + 1 - len(outputs))[:-1], *outputs]
+    run = triboflux.solve(setting.case(model, closure_set, t_end=outputs[-1], outputs=outputs))
+    reached = run.dataset["time"].values
+    missing = f"{run.status}: {run.stop_reason}"
+    return [
+        Prediction(time, _moments(run.dataset.isel(time=int(np.argmax(reached == at)))))
+        if at in reached
+        else Prediction(time, remark=missing)
+        for at in times
+    ]
+
+
+def _moments(state: xr.Dataset) -> dict[str, Reals]:
+    """Return the moments in one output of a model that particles have, too."""
+    return {name: state[name].values.reshape(-1) for name in MODES if name in state}
 
 
 def free_streaming(at: float) -> Prediction:

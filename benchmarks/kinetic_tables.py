@@ -83,8 +83,13 @@ def summary(runs: Runs, predictions: Predictions) -> str:
 
 def time_of(reference: Reference) -> str:
     """Return t* with its standard error."""
-    digits = 1 - math.floor(math.log10(reference.time_error))
-    return f"{reference.time:.{digits}f} ± {percent(reference.time_error / reference.time)} %"
+    return with_error(reference.time, reference.time_error)
+
+
+def with_error(time: float, error: float) -> str:
+    """Return a time with as many digits as its standard error allows, and that."""
+    digits = 1 - math.floor(math.log10(error))
+    return f"{time:.{digits}f} ± {percent(error / time)} %"
 
 
 def time_error(errors: Errors, remarks: Remarks) -> str:

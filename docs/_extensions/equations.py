@@ -114,6 +114,8 @@ class _Closures(SimpleNamespace):
 
     complete = False
 
+    exponent = 0.8
+
     def __getitem__(self, name: str) -> sympy.Symbol:
         return closure(name)
 
