@@ -30,7 +30,7 @@ def test_times_of_the_combinations(label):
 
 
 @pytest.mark.parametrize("case", ["A", "B"])
-@pytest.mark.parametrize("name", closures.NAMES)
+@pytest.mark.parametrize("name", closures.PAPERS_EQUATIONS)
 def test_times_of_the_sets(case, name):
     ran = variants.stop_time(variants.numbers_of(case), closures.by_name(name, 1.0))
     assert ran == (pytest.approx(TABLE[f"{case} {name}"][0], rel=1e-7), "")

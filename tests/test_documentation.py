@@ -245,7 +245,7 @@ import sys
 sys.path.insert(0, "docs")
 import sympy
 from _extensions import commands, equations
-from triboflux import closures, models, numbers, rates
+from triboflux import closures, dropped_rates, models, numbers, rates
 
 values = numbers.Numbers(peclet=900.0, tau_c=0.02, tau_p=0.7, tau_sigma=3.0,
                          energy_ratio=11.0, length_ratio=23.0, restitution=0.8)
@@ -267,17 +267,36 @@ for name in models.REGISTRY:
         value = float(sympy.sympify(ours.coefficient).subs(symbols))
         assert abs(value / float(theirs.coefficient) - 1.0) < 1e-12, (name, ours.name)
 
+whole = closures.complete(0.8)
+added = dropped_rates.scaled_dropped_rates(whole, found, values)
+symbols |= {sympy.Symbol(s): getattr(added, key) for key, (s, _) in equations.DROPPED.items()}
+page = equations.dropped()
+for name in models.REGISTRY:
+    shown = equations.symbolic_model(name, complete=True).terms
+    solved = models.build(name, values, whole).terms
+    for ours, theirs in zip(shown, solved, strict=True):
+        value = float(sympy.sympify(ours.coefficient).subs(symbols))
+        assert abs(value / float(theirs.coefficient) - 1.0) < 1e-12, (name, ours.name)
+        if ours.equation == "dropped":
+            cells = f"| {ours.name} | {ours.group} | {ours.operator.name} |"
+            assert f"### {name}, `complete`" in page
+            assert cells in page, cells
+
 numbers_of = {equations.PECLET: values.peclet, equations.TAU_C: values.tau_c,
               equations.TAU_P: values.tau_p, equations.TAU_SIGMA: values.tau_sigma,
               equations.L: values.length_ratio, equations.D: 1.0, equations.E: values.restitution,
               equations.TAU_XI: 1.0 / found.charge_exchange}
-for key in chosen.coefficients:
-    numbers_of[equations.closure(key)] = chosen[key]
+for key in whole.coefficients:
+    numbers_of[equations.closure(key)] = whole[key]
 for key, expression in equations.rate_expressions().items():
     value = float(expression.subs(numbers_of))
     assert abs(value / getattr(found, key) - 1.0) < 1e-12, key
+numbers_of |= {sympy.Symbol(s): getattr(found, key) for key, (s, *_) in equations.RATES.items()}
+for key, expression in equations.dropped_expressions().items():
+    value = float(expression.subs(numbers_of))
+    assert abs(value / getattr(added, key) - 1.0) < 1e-12, key
 table = equations.coefficients()
-for key, row in chosen.coefficients.items():
+for key, row in whole.coefficients.items():
     assert f"| `{key}` |" in table, key
 """
 

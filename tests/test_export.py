@@ -246,7 +246,7 @@ def rows_of(numbers):
 
 
 every_choice = pytest.mark.parametrize(
-    ("law", "closure_name"), [(law, name) for law in LAWS for name in closures.NAMES]
+    ("law", "closure_name"), [(law, name) for law in LAWS for name in closures.PAPERS_EQUATIONS]
 )
 
 

@@ -35,7 +35,7 @@ def entries_with(name, status, count, seed=3):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", closures.NAMES)
+@pytest.mark.parametrize("name", closures.PAPERS_EQUATIONS)
 def test_entries_are_those_that_a_run_gives(name):
     entries = SHIPPED.entries[name]
     for index, place in entries_with(name, "ok", 4):
@@ -48,7 +48,7 @@ def test_entries_are_those_that_a_run_gives(name):
                 assert stored == pytest.approx(max(model.error, FLOOR), rel=5e-3), place
 
 
-@pytest.mark.parametrize("name", closures.NAMES)
+@pytest.mark.parametrize("name", closures.PAPERS_EQUATIONS)
 def test_entries_without_error_are_those_where_the_variance_grows(name):
     for _, place in entries_with(name, "F <= 0", 20):
         made = model_table.numbers_at(place, name)
@@ -66,7 +66,7 @@ def test_table_was_made_by_the_generator_of_the_repository():
             np.testing.assert_array_equal(axis, expected)
         assert entries.logarithm.shape == entries.status.shape
         assert entries.logarithm.min() >= 1000 * math.log10(FLOOR)
-    assert set(SHIPPED.entries) == set(closures.NAMES)
+    assert set(SHIPPED.entries) == set(closures.PAPERS_EQUATIONS)
     assert SHIPPED.about["command"] == "python -m benchmarks.suitability_table --write"
     assert SHIPPED.statuses[0] == "ok"
 
@@ -92,9 +92,9 @@ def test_coordinates_by_their_definitions(name):
     s = presets.pharmaceutical_carrier()
     made = numbers.from_suspension(s, name)
     e, fraction, g0 = s.restitution, s.solid_fraction, s.contact_radial_distribution
-    lambda_1 = 1 / 12 if name == "derived" else 12
+    lambda_1 = 12 if name == "published" else 1 / 12
     tau_xi = lambda_1 * made.peclet / made.length_ratio**2
-    swap = (2 - 2.8 * e) / 6 if name == "derived" else (3 - e) / 5
+    swap = (3 - e) / 5 if name == "published" else (2 - 2.8 * e) / 6
     by_velocity = (1 + e) / (3 * made.tau_c) + 1 / made.tau_p
     relaxation = 1 / (by_velocity + swap / tau_xi)
     reference = (1 - fraction / 2) / (1 - fraction) ** 3
@@ -118,7 +118,7 @@ places = st.builds(
 )
 
 
-@given(places, st.sampled_from(closures.NAMES))
+@given(places, st.sampled_from(closures.PAPERS_EQUATIONS))
 def test_numbers_have_the_coordinates_that_they_are_made_for(place, name):
     made = model_table.numbers_at(place, name)
     if made is None:

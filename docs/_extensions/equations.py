@@ -301,10 +301,15 @@ def dropped() -> str:
             rows.append(f"| {' | '.join(cells)} |")
         sections += [f"### {name}, `complete`", "\n".join(rows)]
     rows = ["| symbol | what | expression |", "| --- | --- | --- |"]
-    expressions = scaled_dropped_rates(_Closures(), _symbolic_rates(), NUMBERS)._asdict()
+    expressions = dropped_expressions()
     for key, (symbol, meaning) in DROPPED.items():
         rows.append(f"| ${symbol}$ | {meaning} | {_cell(expressions[key])} |")
     return "\n\n".join(["\n".join(rows), *sections])
+
+
+def dropped_expressions() -> dict[str, sympy.Expr]:
+    """Return what stands before the dropped terms, by the coefficients of the other ones."""
+    return scaled_dropped_rates(_Closures(), _symbolic_rates(), NUMBERS)._asdict()
 
 
 def _is_dropped(term: Term) -> bool:
