@@ -105,6 +105,7 @@ _VECTOR = {
     "²": "^2",
     "ᵀ": r"^\mathsf{T}",
     "δ": r"\boldsymbol{\delta}\,",
+    "Θ": r"\Theta ",
     "|": r"\vert ",  # a bar would end the cell of a table
 }
 
