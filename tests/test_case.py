@@ -202,7 +202,7 @@ def test_python_may_give_arrays():
         ),
         (
             {"closures": "publishd"},
-            "closures is 'publishd', but must be 'derived' or 'published'."
+            "closures is 'publishd', but must be 'derived' or 'published' or 'complete'."
             " Did you mean 'published'?",
         ),
         ({"model": 3}, "model is 3, but must be text."),

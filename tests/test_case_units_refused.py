@@ -97,7 +97,10 @@ def test_wrong_kinds(changes, sentence):
         ),
         ({"run": 3}, "run is 3, but must be a table."),
         ({"grid": "1 m"}, "grid is '1 m', but must be a table."),
-        ({"closures": "derive"}, "closures is 'derive', but must be 'derived' or 'published'."),
+        (
+            {"closures": "derive"},
+            "closures is 'derive', but must be 'derived' or 'published' or 'complete'.",
+        ),
         ({"closures": ["derived"]}, "closures is ['derived'], but must be text."),
     ],
 )
