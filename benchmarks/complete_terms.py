@@ -1,7 +1,7 @@
 """A bed that conducts, with and without the terms that the paper's derivation drops.
 
 Two layers of opposite charge relax in a dense bed, ``examples/layered_bed.toml``. Collisions
-conduct the charge there, and the covariance of charge and velocity goes against the field, which
+conduct the charge there, and the covariance of charge and velocity goes along the field, which
 takes variance away: that is among the dropped terms. Particles tell how much it is. Run from the
 root of the repository; nothing is written without ``--write``::
 
