@@ -97,6 +97,9 @@ def error_table(relaxations: Sequence[Kept], errors: Judged, models: Sequence[st
     return table(head, rows) + remarks.legend()
 
 
+_LETTERS = {"granular_temperature": "Θ", "granular_temperature_xx": "R_xx"}
+
+
 def _cell(errors: Errors, remarks: Remarks) -> str:
     """Return the errors of one model, or how it failed."""
     told = f" {remarks.mark(errors.remark)}" if errors.remark else ""
@@ -105,7 +108,7 @@ def _cell(errors: Errors, remarks: Remarks) -> str:
     parts = [percent(errors.time, signed=True)]
     parts += [percent(errors.moments[m]) if m in errors.moments else "–" for m in FIELDS]
     # of models that know the temperature
-    parts += [f"{m} {percent(v)}" for m, v in errors.moments.items() if m not in FIELDS]
+    parts += [f"{_LETTERS.get(m, m)} {percent(v)}" for m, v in errors.moments.items() if m not in FIELDS]
     return " · ".join(parts) + told
 
 

@@ -167,9 +167,12 @@ def _timed(case: Case, on_progress: Callable[[Progress], None] | None) -> tuple[
     outputs = case.run.outputs
     assert isinstance(outputs, tuple)
     beginning = {"t_end": _SHORT * case.run.t_end, "outputs": tuple(_SHORT * t for t in outputs)}
-    solve(with_changes(case, run=beginning))
+    first = solve(with_changes(case, run=beginning))
     result = solve(case, on_progress=on_progress)
     seconds = [float(result.stats["seconds"])]
+    if result.stats["points"] != first.stats["points"]:
+        # the program of the finer grid was compiled within the run
+        seconds = [float(solve(case).stats["seconds"])]
     while sum(seconds) < _ENOUGH_SECONDS and len(seconds) <= _MOST_REPEATS:
         seconds.append(float(solve(case).stats["seconds"]))
     return result, min(seconds)
