@@ -108,7 +108,8 @@ def _cell(errors: Errors, remarks: Remarks) -> str:
     parts = [percent(errors.time, signed=True)]
     parts += [percent(errors.moments[m]) if m in errors.moments else "–" for m in FIELDS]
     # of models that know the temperature
-    parts += [f"{_LETTERS.get(m, m)} {percent(v)}" for m, v in errors.moments.items() if m not in FIELDS]
+    others = {m: value for m, value in errors.moments.items() if m not in FIELDS}
+    parts += [f"{_LETTERS.get(m, m)} {percent(value)}" for m, value in others.items()]
     return " · ".join(parts) + told
 
 

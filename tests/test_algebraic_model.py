@@ -221,7 +221,7 @@ def model_with_limit(coefficients, wave_number, lowest):
     plain = gradient(coefficients)
     product = Product(
         "amplitude",
-        ("charge", "charge_gradient"),
+        ("charge", t.CHARGE_GRADIENT),
         lambda q, g: jnp.sum(g**2, axis=0) + wave_number**2 * (q**2 - lowest),
     )
     limit = Term("the amplitude", "", "", "variance", t.IDENTITY, product, 1.0)
