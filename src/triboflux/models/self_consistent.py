@@ -210,9 +210,9 @@ def _energy(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term
         source = str(moved.source)
         _, inner = t.FLUXES[moved.operator]
         read = source if inner is t.IDENTITY else t.Applied(inner, source)
-        along = t.Product(_WORKS[moved.operator], (read, t.FIELD), t.dot)
+        work = t.Product(_WORKS[moved.operator], (read, t.FIELD), t.dot)
         name = f"work of the field by {moved.name}"
-        works.append(term(name, "work of the field", along, -c.electric_force * moved.coefficient))
+        works.append(term(name, "work of the field", work, -c.electric_force * moved.coefficient))
     return (
         *works,
         term(
