@@ -165,6 +165,6 @@ def draw(found: Mapping[str, list[Measured]], file: Path) -> None:
     figure.legend(
         list(handles.values()), list(handles), loc="lower center", ncol=5, fontsize=8, frameon=False
     )
-    figure.tight_layout(rect=(0, 0.7 / (4.2 * lines + 1.6), 1, 1))
+    figure.tight_layout(rect=(0, 1.2 / (4.2 * lines + 1.6), 1, 1))
     figure.savefig(file, dpi=110)
     plt.close(figure)
