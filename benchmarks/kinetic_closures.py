@@ -193,7 +193,7 @@ def measure(effort: str = "full", seed: int = SEEDS[0]) -> list[Measured]:
 
 
 def _answers(sizes: Effort, place: int, source: np.random.SeedSequence) -> list[float]:
-    """Return the answers of one batch in the order of `Responses`."""
+    """Return the answers of one batch in the order of `Responses`, to what the paper keeps."""
     random = np.random.default_rng(source)
     e = RESTITUTIONS[place]
     found = _mean(
@@ -208,7 +208,7 @@ def _answers(sizes: Effort, place: int, source: np.random.SeedSequence) -> list[
         slopes.covariance_gradients(slopes.slab_gas(e, sizes.covariance_in_cell, random))
         for _ in range(sizes.covariance_gases[place])
     )
-    return [found[name] for name in Responses._fields]
+    return [found[name] for name in Responses._fields if name not in Responses._field_defaults]
 
 
 def _mean(answers: Iterable[Answers]) -> Answers:

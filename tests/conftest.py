@@ -1,5 +1,7 @@
 """Sets up JAX, run-time type checks and Hypothesis before any test imports triboflux."""
 
+import gc
+import itertools
 import os
 from pathlib import Path
 
@@ -34,3 +36,18 @@ install_import_hook("triboflux", "beartype.beartype")
 settings.register_profile("ci", derandomize=True, database=None, deadline=None, print_blob=True)
 settings.register_profile("local", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+MOST_MAPPINGS = 20_000
+"""Pieces of memory that a test process may hold; Linux allows 65,530 by default.
+
+Each compiled program takes some, and JAX crashes where it gets no more.
+"""
+_tests = itertools.count(1)
+
+
+def pytest_runtest_teardown() -> None:
+    """Drop compiled programs before there are too many of them."""
+    mappings = Path("/proc/self/maps")
+    if next(_tests) % 20 == 0 and mappings.read_bytes().count(b"\n") > MOST_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()

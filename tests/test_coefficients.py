@@ -109,6 +109,7 @@ def test_every_coefficient_by_its_definition(name, dimensions, n_t):
         "variance_collisional_dispersion": c["variance_dispersion"] * tau_c * scale**2 / pe**2,
         "variance_flux_destruction": bracket,
         "transferred_fraction": c["transferred_fraction"] * tau_c * scale**2 / pe,
+        "granular_temperature": 1.0,
     }
     assert found.dropped is None
     assert set(expected) == set(values_of(found))
@@ -196,6 +197,7 @@ def test_collisionless_limit(name):
         "variance_flux_destruction": 2.0,
         "shear": 1.0,
         "electric_force": 300.0,
+        "granular_temperature": 1.0,
     }
     for field, value in values_of(found).items():
         assert value == expected.get(field, 0.0), field

@@ -92,8 +92,9 @@ def test_sampled_coefficients():
         if setting[1] == HERTZ_EXPONENT:
             check_printed_values_are_ruled_out_where_they_differ(setting[0], estimates)
     every = [z for setting in SETTINGS for z in deviations(setting, sampled[setting]).values()]
-    # the same pairs are behind all of them, so this is no sum over independent numbers
-    assert 0.3 < np.mean(np.square(every)) < 2.5
+    # the same pairs are behind all of them: from seed to seed it scatters like the mean of about
+    # four independent numbers, 0.4 to 2.0 for the seeds 1 to 5 with an eighth of the samples
+    assert 0.02 < np.mean(np.square(every)) < 4.6
 
 
 def scaled_transfer(*positional, **named):

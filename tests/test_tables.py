@@ -105,7 +105,7 @@ def test_table_on_a_terminal_cuts_nothing_off(monkeypatch, columns, rows):
 def test_column_of_what_is_not_printed():
     text = written(OTHER, "table", exponent=0.5, restitution=0.9)
     assert text.count("none for a = 0.5") == len(OTHER)
-    assert written(ROWS, "table").count("none") == 1
+    assert written(ROWS, "table").count("none") == sum(row.printed is None for row in ROWS)
 
 
 def test_sampled_column():

@@ -43,6 +43,9 @@ class Responses(NamedTuple):
     gradient (with β), derivatives of Q, C_i = ⟨ξ'c'_i⟩, T_ij = ⟨ξ'c'_i c'_j⟩, V = ⟨ξ'ξ'⟩ and
     N_i = ⟨ξ'ξ'c'_i⟩.
 
+    From `charge_third` on they belong to what the paper's derivation drops, and are all there or
+    none of them.
+
     Attributes
     ----------
     collision_rate : scalar or array_like
@@ -108,26 +111,26 @@ class Responses(NamedTuple):
     flux_velocity: Any
     flux_exchange: Any
     flux_regain: Any
-    charge_third: Any
-    charge_third_trace: Any
-    covariance_third: Any
-    covariance_third_trace: Any
-    covariance_curvature: Any
-    covariance_curvature_trace: Any
-    third_charge: Any
-    third_charge_trace: Any
-    third_field: Any
-    third_field_trace: Any
-    variance_flux: Any
-    flux_variance: Any
-    variance_covariance_gradient: Any
-    variance_covariance_gradient_regain: Any
-    variance_covariance_field: Any
-    variance_covariance_field_regain: Any
-    variance_covariance: Any
-    variance_covariance_regain: Any
-    variance_gradient: Any
-    variance_gradient_field: Any
+    charge_third: Any = None
+    charge_third_trace: Any = None
+    covariance_third: Any = None
+    covariance_third_trace: Any = None
+    covariance_curvature: Any = None
+    covariance_curvature_trace: Any = None
+    third_charge: Any = None
+    third_charge_trace: Any = None
+    third_field: Any = None
+    third_field_trace: Any = None
+    variance_flux: Any = None
+    flux_variance: Any = None
+    variance_covariance_gradient: Any = None
+    variance_covariance_gradient_regain: Any = None
+    variance_covariance_field: Any = None
+    variance_covariance_field_regain: Any = None
+    variance_covariance: Any = None
+    variance_covariance_regain: Any = None
+    variance_gradient: Any = None
+    variance_gradient_field: Any = None
 
 
 def isotropic_parts(trace: Any, product: Any) -> tuple[Any, Any]:
@@ -167,7 +170,8 @@ def coefficients(responses: Responses, restitution: Any) -> dict[str, Any]:
     dict of str to scalar or array_like
         By the names of `triboflux.closures.complete`, without ``third_moment_drag``, which is not
         collisional; `ADDITIONS` are there too. Where e = 0 the two productions of covariance are
-        missing, and that of N is: the equations multiply them by e.
+        missing, and that of N is: the equations multiply them by e. Those of the dropped terms are
+        missing where no answer to their causes is known.
     """
     r = responses
     conductivity, dispersion, flux = -r.charge_field, r.charge_laplacian, -r.charge_covariance
@@ -200,6 +204,9 @@ def coefficients(responses: Responses, restitution: Any) -> dict[str, Any]:
         by_field, by_gradient = r.covariance_field, -r.covariance_gradient
         found["covariance_production_field"] = by_field / (restitution * conductivity)
         found["covariance_production_gradient"] = by_gradient / (restitution * dispersion)
+    if r.charge_third is None:
+        return found
+    if restitution != 0:
         found["variance_flux_production"] = r.flux_variance / (restitution * r.variance_flux)
     return found | _dropped(r, found)
 
