@@ -279,6 +279,8 @@ added = dropped_rates.scaled_dropped_rates(whole, found, values)
 symbols |= {sympy.Symbol(s): getattr(added, key) for key, (s, _) in equations.DROPPED.items()}
 page = equations.dropped()
 for name in models.REGISTRY:
+    if "granular_temperature" in hierarchy.MODELS[name].evolves:
+        continue
     shown = equations.symbolic_model(name, complete=True).terms
     solved = models.build(name, values, whole).terms
     for ours, theirs in zip(shown, solved, strict=True):
