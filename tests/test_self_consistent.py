@@ -146,7 +146,7 @@ def test_conduction_is_linear_near_the_first_temperature_and_a_flux_elsewhere(d)
     grid = GRIDS[d]
     fields, calculus = random_state(grid), FourierCalculus(GRIDS[d])
     closure_set = closures.by_name("derived", NUMBERS.restitution)
-    local = LocalCoefficients.of(NUMBERS, closure_set, d, 3)
+    local = LocalCoefficients.of(NUMBERS, closure_set, 3)
     state = jax.tree.map(grid.to_spectral, fields)
     terms = conduction.conduction_terms(local)
     linear = t.evaluate(tuple(term for term in terms if term.linear), calculus, state)

@@ -81,7 +81,7 @@ def build(
     if isinstance(closure_set, str):
         closure_set = closures.by_name(closure_set, numbers.restitution, exponent)
     n_t = trace_dimensions(name, closure_set, dimensions)
-    local = LocalCoefficients.of(numbers, closure_set, dimensions, n_t)
+    local = LocalCoefficients.of(numbers, closure_set, n_t)
     varies = TEMPERATURE in MODELS[name].evolves
     return REGISTRY[name](local if varies else local.reference())
 

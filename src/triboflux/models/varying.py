@@ -72,25 +72,33 @@ class LocalCoefficients(eqx.Module):
         The seven numbers, of the granular temperature that scales the equations.
     closures : Module
         A closure set.
-    dimensions, trace_dimensions : int
-        See `transport_coefficients`.
+    trace_dimensions : int
+        n_t, how many directions the trace of a third-order moment runs over.
     """
 
     numbers: _Values
     closures: _Closures
-    dimensions: int = eqx.field(static=True)
     trace_dimensions: int = eqx.field(static=True)
 
     @classmethod
     def of(
-        cls, numbers: Numbers, closure_set: ClosureSet, dimensions: int, trace_dimensions: int
+        cls, numbers: Numbers, closure_set: ClosureSet, trace_dimensions: int
     ) -> LocalCoefficients:
-        """Return those of a case; parameters as for `transport_coefficients`."""
+        """Return those of a case.
+
+        Parameters
+        ----------
+        numbers : Numbers
+            The seven dimensionless numbers; values may be traced JAX scalars.
+        closure_set : ClosureSet
+            Made for the restitution of `numbers`.
+        trace_dimensions : int
+            n_t.
+        """
         values = {name: c.value for name, c in closure_set.coefficients.items()}
         return cls(
             _Values(*(getattr(numbers, name) for name in _Values._fields)),
             _Closures(closure_set.name, closure_set.exponent, values),
-            dimensions,
             trace_dimensions,
         )
 
@@ -105,9 +113,8 @@ class LocalCoefficients(eqx.Module):
 
     def _at(self, numbers: Any, velocity: Any) -> TransportCoefficients:
         closures: Any = self.closures
-        return transport_coefficients(
-            numbers, closures, self.dimensions, self.trace_dimensions, velocity
-        )
+        n_t = self.trace_dimensions
+        return transport_coefficients(numbers, closures, n_t, n_t, velocity)
 
 
 def speed(granular_temperature: Float[Array, "*x"]) -> Float[Array, "*x"]:
@@ -163,8 +170,8 @@ def varying(builder: Builder, local: LocalCoefficients) -> tuple[t.Term, ...]:
         Of the case.
     """
     result: list[t.Term] = []
-    closures, sizes = local.closures, (local.dimensions, local.trace_dimensions)
-    which = _vary(builder, closures.name, tuple(closures.values), sizes)
+    closures = local.closures
+    which = _vary(builder, closures.name, tuple(closures.values), local.trace_dimensions)
     for index, (term, varies) in enumerate(zip(builder(local, None), which, strict=True)):
         if not varies:
             result.append(term)
@@ -208,13 +215,11 @@ def _local(
 
 
 @ft.cache
-def _vary(
-    builder: Builder, name: str, names: tuple[str, ...], sizes: tuple[int, int]
-) -> list[bool]:
+def _vary(builder: Builder, name: str, names: tuple[str, ...], trace_dimensions: int) -> list[bool]:
     """Return which terms of a closure set depend on Θ, whatever the numbers of the case are."""
     some = _Values(1e3, 0.1, 0.3, 0.7, 2.0, 50.0, 0.9)
     values = {name: 0.37 + 0.01 * i for i, name in enumerate(names)}
-    probe = LocalCoefficients(some, _Closures(name, 0.8, values), *sizes)
+    probe = LocalCoefficients(some, _Closures(name, 0.8, values), trace_dimensions)
     with jax.ensure_compile_time_eval():
         lists = [builder(probe, theta) for theta in (None, jnp.asarray(0.5))]
         return [
