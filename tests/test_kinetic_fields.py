@@ -104,7 +104,7 @@ def test_failures_are_named(relaxations):
     known = Errors(-0.1, {"charge": 0.02, "granular_temperature": 0.3})
     found = {("full", k): failed for k in group} | {("gradient", k): known for k in group}
     text = error_table(group, found, ("full", "gradient"))
-    assert "| **diverged [1]** | **-10 · 2 · – · – · granular_temperature 30** |" in text
+    assert "| **diverged [1]** | **-10 · 2 · – · – · Θ 30** |" in text
     assert text.count("diverged [1]") == 3
     assert text.endswith("[1] diverged: because.")
 

@@ -170,7 +170,7 @@ def _timed(case: Case, on_progress: Callable[[Progress], None] | None) -> tuple[
     first = solve(with_changes(case, run=beginning))
     result = solve(case, on_progress=on_progress)
     seconds = [float(result.stats["seconds"])]
-    if result.stats["points"] != first.stats["points"]:
+    if result.stats.get("points") != first.stats.get("points"):
         # the program of the finer grid was compiled within the run
         seconds = [float(solve(case).stats["seconds"])]
     while sum(seconds) < _ENOUGH_SECONDS and len(seconds) <= _MOST_REPEATS:
