@@ -39,7 +39,7 @@ HALF = math.log(2.0)
 """When the charge of the full model has halved in them."""
 
 
-def pretended(case, *, status="ok", reason=None, until=math.inf, seconds=0.25):
+def pretended(case, *, status="ok", reason=None, until=math.inf, seconds=0.25, points=()):
     """Return a run whose charge decays exponentially and whose other fields are constant."""
     rate, run = RATES[case.model], case.run
     stop = run.stop_at_peak_charge
@@ -64,7 +64,7 @@ def pretended(case, *, status="ok", reason=None, until=math.inf, seconds=0.25):
             variance=variance if case.model in MODELS_WITH_VARIANCE else None,
             status=status,
             stop_reason=reason or ("peak charge fell" if end < run.t_end else "reached t_end"),
-            stats={"accepted": 7, "rejected": 2, "seconds": seconds},
+            stats={"accepted": 7, "rejected": 2, "seconds": seconds, "points": points},
             warnings=[f"beware of {case.run.t_end:.3g}"],
         )
     )
@@ -198,6 +198,18 @@ def test_cost_is_the_shortest_of_runs_that_need_no_compilation(solver):
     assert len(full[0].run.outputs) == len(full[1].run.outputs)
     assert full[1] == full[2] == full[3]
     assert len(full) == 4
+
+
+def test_compiling_for_a_finer_grid_within_the_run_does_not_count(solver):
+    _, behaviour = solver
+    given = iter([(30.0, [32]), (40.0, [64]), (0.6, [64])])
+
+    def run(case):
+        seconds, points = next(given)
+        return pretended(case, seconds=seconds, points=points)
+
+    behaviour["full"] = run
+    assert compare(halving(), ("full", "collisional")).row("full").seconds == 0.6
 
 
 def test_long_runs_are_not_repeated(solver):
