@@ -38,7 +38,7 @@ MUTATIONS = (
     ),
     Mutation(
         "total charge is constant, Fourier",
-        "models/terms",
+        "models/operators",
         '"∇·E", lambda k: jnp.where(k > 0.0, 1.0, 0.0)',
         '"∇·E", lambda k: jnp.ones_like(k)',
         "test_invariants.py::test_total_charge_is_constant",
@@ -59,7 +59,7 @@ MUTATIONS = (
     ),
     Mutation(
         "the equation of the trace is the trace of the equation",
-        "models/terms",
+        "models/operators",
         "ISOTROPIC: (IDENTITY, 3.0),",
         "ISOTROPIC: (IDENTITY, 1.0),",
         "test_third_order.py::test_the_equation_of_the_trace_is_the_trace_of_the_equation",
@@ -101,7 +101,7 @@ MUTATIONS = (
     ),
     Mutation(
         "sum of terms equals the right-hand side of the integrator",
-        "models/terms",
+        "models/operators",
         'GRADIENT = Operator("∇", lambda k: -k',
         'GRADIENT = Operator("∇", lambda k: -1.001 * k',
         "test_linear.py::test_operator_is_the_sum_of_the_linear_terms",
@@ -213,7 +213,7 @@ MUTATIONS = (
     ),
     Mutation(
         "the dispersion of the divergence is no Laplacian",
-        "models/terms",
+        "models/operators",
         '"∇∇·", lambda k: -(k**2), _zero,',
         '"∇∇·", lambda k: -(k**2), lambda k: -(k**2),',
         "test_linear.py::test_operator_is_the_sum_of_the_linear_terms",

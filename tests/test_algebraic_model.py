@@ -18,6 +18,7 @@ from triboflux.case import Case
 from triboflux.errors import InputError, OutOfRangeError
 from triboflux.integrate import Settings
 from triboflux.models import Product, Term
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.reduced import gradient
 from triboflux.numbers import Numbers
@@ -224,7 +225,7 @@ def model_with_limit(coefficients, wave_number, lowest):
         ("charge", t.CHARGE_GRADIENT),
         lambda q, g: jnp.sum(g**2, axis=0) + wave_number**2 * (q**2 - lowest),
     )
-    limit = Term("the amplitude", "", "", "variance", t.IDENTITY, product, 1.0)
+    limit = Term("the amplitude", "", "", "variance", o.IDENTITY, product, 1.0)
     return dataclasses.replace(plain, name="algebraic", limits=(limit,))
 
 

@@ -16,7 +16,7 @@ from triboflux.hierarchy import MODELS, RANKS
 from triboflux.integrators.isotropy import Part
 from triboflux.integrators.linear import DenseOperator, LinearOperator, block_operator
 from triboflux.models import Model, Term, evaluate
-from triboflux.models.terms import IDENTITY, LAPLACIAN
+from triboflux.models.operators import IDENTITY, LAPLACIAN
 from triboflux.moments import Moments
 
 GRIDS = {

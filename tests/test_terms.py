@@ -15,7 +15,8 @@ from triboflux.errors import InputError
 from triboflux.grid import Grid
 from triboflux.models import Model, Product, Term, evaluate
 from triboflux.models.full import VARIANCE_TIMES_FIELD
-from triboflux.models.terms import CHARGE_GRADIENT, FIELD, IDENTITY, fields_of
+from triboflux.models.operators import IDENTITY
+from triboflux.models.terms import CHARGE_GRADIENT, FIELD, fields_of
 from triboflux.moments import Moments
 from triboflux.numbers import Numbers
 

@@ -13,9 +13,10 @@ from triboflux.models.coefficients import (
 )
 from triboflux.models.full import full
 from triboflux.models.model import Model
+from triboflux.models.operators import Operator
 from triboflux.models.reduced import algebraic, collisional, gradient, semi_algebraic
 from triboflux.models.self_consistent import self_consistent
-from triboflux.models.terms import Operator, Product, Term, evaluate
+from triboflux.models.terms import Product, Term, evaluate
 from triboflux.models.third_order import third_order
 from triboflux.models.varying import TEMPERATURE, LocalCoefficients
 from triboflux.numbers import Numbers
@@ -81,9 +82,9 @@ def build(
     if isinstance(closure_set, str):
         closure_set = closures.by_name(closure_set, numbers.restitution, exponent)
     n_t = trace_dimensions(name, closure_set, dimensions)
-    local = LocalCoefficients.of(numbers, closure_set, n_t)
-    varies = TEMPERATURE in MODELS[name].evolves
-    return REGISTRY[name](local if varies else local.reference())
+    if TEMPERATURE in MODELS[name].evolves:
+        return REGISTRY[name](LocalCoefficients.of(numbers, closure_set, n_t))
+    return REGISTRY[name](transport_coefficients(numbers, closure_set, dimensions, n_t))
 
 
 def trace_dimensions(name: str, closure_set: ClosureSet, dimensions: int) -> int:

@@ -13,14 +13,15 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.third_order import with_traces
 from triboflux.models.varying import OFF, TEMPERATURE, LocalCoefficients, speed
+from triboflux.realizability import TENSOR
 from triboflux.velocity_closures import TensorDispersion, flight_dispersion, velocity_closures
 
-TENSOR = "granular_temperature_tensor"
-TENSOR_GRADIENT = t.Applied(t.GRADIENT_OF_TENSOR, TENSOR)
-TEMPERATURE_GRADIENT = t.Applied(t.GRADIENT, TEMPERATURE)
+TENSOR_GRADIENT = t.Applied(o.GRADIENT_OF_TENSOR, TENSOR)
+TEMPERATURE_GRADIENT = t.Applied(o.GRADIENT, TEMPERATURE)
 STATE = (TENSOR, TEMPERATURE)
 
 
@@ -130,8 +131,8 @@ def conduction_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:
             (local,),
         )
         for moment, operator, product in (
-            (TENSOR, t.DIVERGENCE_OF_THIRD, HEAT_FLUX_EXCESS),
-            (TEMPERATURE, t.DIVERGENCE, TRACE_OF_HEAT_FLUX_EXCESS),
+            (TENSOR, o.DIVERGENCE_OF_THIRD, HEAT_FLUX_EXCESS),
+            (TEMPERATURE, o.DIVERGENCE, TRACE_OF_HEAT_FLUX_EXCESS),
         )
     ]
     return (
@@ -143,17 +144,19 @@ def conduction_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:
 
 def _dispersed(name: str, dispersion: TensorDispersion) -> tuple[t.Term, ...]:
     """Return the five isotropic operators on R_ij, R_mm being 3 Θ."""
-
-    def term(part: str, operator: t.Operator, source: str, coefficient: Any) -> t.Term:
-        return t.Term(f"{name}, {part}", "conduction", "", TENSOR, operator, source, coefficient)
-
-    d = dispersion
+    d, term = dispersion, t.maker(TENSOR)
+    parts = (
+        ("own", o.LAPLACIAN, TENSOR, d.laplacian),
+        ("crosswise", o.GRADIENT_OF_TENSOR_DIVERGENCE, TENSOR, d.gradient_divergence),
+        ("isotropic", o.ISOTROPIC_DOUBLE_DIVERGENCE, TENSOR, d.double_divergence),
+        ("by the trace", o.HESSIANS, TEMPERATURE, 1.5 * d.trace_hessian),
+        ("isotropic by the trace", o.ISOTROPIC_LAPLACIAN, TEMPERATURE, 3.0 * d.trace_laplacian),
+    )
     return with_traces(
-        term("own", t.LAPLACIAN, TENSOR, d.laplacian),
-        term("crosswise", t.GRADIENT_OF_TENSOR_DIVERGENCE, TENSOR, d.gradient_divergence),
-        term("isotropic", t.ISOTROPIC_DOUBLE_DIVERGENCE, TENSOR, d.double_divergence),
-        term("by the trace", t.HESSIANS, TEMPERATURE, 1.5 * d.trace_hessian),
-        term("isotropic by the trace", t.ISOTROPIC_LAPLACIAN, TEMPERATURE, 3.0 * d.trace_laplacian),
+        *(
+            term(f"{name}, {part}", "conduction", operator, source, factor)
+            for part, operator, source, factor in parts
+        )
     )
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from triboflux.models import operators as o
 from triboflux.models import products as p
 from triboflux.models import terms as t
 from triboflux.models.coefficients import Scalar, TransportCoefficients
@@ -43,7 +44,7 @@ class Part(NamedTuple):
     """
 
     name: str
-    operator: t.Operator
+    operator: o.Operator
     source: str | t.Product
     coefficient: Scalar
 
@@ -58,7 +59,7 @@ def _terms(
             group,
             "dropped",
             moment,
-            t.DIVERGENCES[part.operator] if outer else part.operator,
+            o.DIVERGENCES[part.operator] if outer else part.operator,
             part.source,
             factor * part.coefficient,
         )
@@ -90,36 +91,36 @@ def _closed_vectors(c: TransportCoefficients) -> tuple[tuple[Part, ...], tuple[P
         return (
             Part(
                 "charge gradient",
-                t.GRADIENT_OF_LAPLACIAN,
+                o.GRADIENT_OF_LAPLACIAN,
                 "charge",
                 factor * d.third_moment_gradient,
             ),
-            Part("electric field", t.GRADIENT, "charge", -factor * d.third_moment_field),
+            Part("electric field", o.GRADIENT, "charge", -factor * d.third_moment_field),
         )
 
     divergence = (
         *by_flux(along),
-        Part("electric force", t.DIVERGENCE_OF_TENSOR, p.GRADIENT_BY_FIELD, -force / k_1),
+        Part("electric force", o.DIVERGENCE_OF_TENSOR, p.GRADIENT_BY_FIELD, -force / k_1),
         Part(
             "trace of the electric force",
-            t.GRADIENT,
+            o.GRADIENT,
             p.GRADIENT_ALONG_FIELD,
             force * coupling / k_1,
         ),
     )
     vector = (
-        Part("covariance", t.LAPLACIAN, "covariance", -2.0 * c.covariance_dispersion),
+        Part("covariance", o.LAPLACIAN, "covariance", -2.0 * c.covariance_dispersion),
         Part(
             "covariance divergence",
-            t.GRADIENT_OF_DIVERGENCE,
+            o.GRADIENT_OF_DIVERGENCE,
             "covariance",
             -2.0 * c.divergence_dispersion - trace,
         ),
         *by_flux(both),
-        Part("electric force", t.DIVERGENCE_OF_TENSOR, p.GRADIENT_BY_FIELD, -2.0 * force / k_1),
+        Part("electric force", o.DIVERGENCE_OF_TENSOR, p.GRADIENT_BY_FIELD, -2.0 * force / k_1),
         Part(
             "trace of the electric force",
-            t.GRADIENT,
+            o.GRADIENT,
             p.GRADIENT_ALONG_FIELD,
             force * (2.0 * coupling / k_1 - 1.0 / k_t),
         ),
@@ -128,8 +129,8 @@ def _closed_vectors(c: TransportCoefficients) -> tuple[tuple[Part, ...], tuple[P
 
 
 _CARRIED = (
-    Part("third-order moment", t.DIVERGENCE_OF_TENSOR, "covariance_flux", 2.0),
-    Part("its trace", t.GRADIENT, "covariance_flux_trace", 1.0),
+    Part("third-order moment", o.DIVERGENCE_OF_TENSOR, "covariance_flux", 2.0),
+    Part("its trace", o.GRADIENT, "covariance_flux_trace", 1.0),
 )
 """X_i of a T_ij that is evolved."""
 
@@ -160,14 +161,14 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     moment, group = "covariance", "collisional dispersion"
     return (
         t.Term(
-            "collisional dispersion", group, "dropped", moment, t.LAPLACIAN, "covariance", factor
+            "collisional dispersion", group, "dropped", moment, o.LAPLACIAN, "covariance", factor
         ),
         t.Term(
             "collisional dispersion of the divergence",
             group,
             "dropped",
             moment,
-            t.GRADIENT_OF_DIVERGENCE,
+            o.GRADIENT_OF_DIVERGENCE,
             "covariance",
             2.0 * factor,
         ),
@@ -193,12 +194,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     d = c.dropped
     if d is None:
         return ()
-
-    def term(
-        name: str, group: str, operator: t.Operator, source: str | t.Product, coefficient: Scalar
-    ) -> t.Term:
-        return t.Term(name, group, "dropped", "variance", operator, source, coefficient)
-
+    term = t.maker("variance", "dropped")
     by_gradient = "production by covariance and charge gradient"
     by_field, by_flux = "production by covariance and field", "production by collisional flux"
     dispersion = 1.0 / c.variance_flux_destruction
@@ -206,49 +202,49 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
         term(
             "collisional production by charge gradient",
             by_gradient,
-            t.IDENTITY,
+            o.IDENTITY,
             p.FLUX_ALONG_GRADIENT,
             d.covariance_along_gradient,
         ),
         term(
             "collisional production by electric field",
             by_field,
-            t.IDENTITY,
+            o.IDENTITY,
             p.FLUX_ALONG_FIELD,
             -d.covariance_along_field,
         ),
         term(
             "production by squared charge gradient",
             by_flux,
-            t.IDENTITY,
+            o.IDENTITY,
             p.GRADIENT_SQUARED,
             d.variance_gradient_production,
         ),
         term(
             "production by field and charge gradient",
             by_flux,
-            t.IDENTITY,
+            o.IDENTITY,
             p.FIELD_ALONG_GRADIENT,
             -2.0 * d.variance_mixed_production,
         ),
         term(
             "destruction by covariance",
             "destruction",
-            t.IDENTITY,
+            o.IDENTITY,
             p.COVARIANCE_SQUARED,
             -d.variance_covariance_destruction,
         ),
         term(
             "kinetic dispersion by collisions",
             "kinetic dispersion",
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "variance",
             d.variance_flux_gradient * dispersion,
         ),
         term(
             "collisional flux",
             COLLISIONAL_FLUX,
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "variance",
             d.variance_flux * variance_flux(c),
         ),
@@ -260,24 +256,19 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     d = c.dropped
     if d is None:
         return ()
-
-    def term(
-        name: str, group: str, operator: t.Operator, source: str | t.Product, coefficient: Scalar
-    ) -> t.Term:
-        return t.Term(name, group, "dropped", "covariance_flux", operator, source, coefficient)
-
+    term = t.maker("covariance_flux", "dropped")
     group, charge = "production by collisional flux", "charge"
     by_gradient, by_field = d.third_moment_gradient, -d.third_moment_field
     force = -c.electric_force * d.variance_flux_gradient / c.variance_flux_destruction
     return (
-        term("production by charge curvature", group, t.HESSIANS, charge, by_gradient),
-        term("production by charge Laplacian", group, t.ISOTROPIC_LAPLACIAN, charge, by_gradient),
-        term("production by field gradient", group, t.FIELD_GRADIENTS, charge, by_field),
-        term("production by field divergence", group, t.ISOTROPIC_CHARGE, charge, by_field),
+        term("production by charge curvature", group, o.HESSIANS, charge, by_gradient),
+        term("production by charge Laplacian", group, o.ISOTROPIC_LAPLACIAN, charge, by_gradient),
+        term("production by field gradient", group, o.FIELD_GRADIENTS, charge, by_field),
+        term("production by field divergence", group, o.ISOTROPIC_CHARGE, charge, by_field),
         term(
             "electric force by collisions",
             "electric force",
-            t.IDENTITY,
+            o.IDENTITY,
             p.GRADIENT_BY_FIELD,
             force,
         ),

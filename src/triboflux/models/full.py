@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from triboflux.hierarchy import MODELS
 from triboflux.models import dropped
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.model import Model
@@ -14,14 +15,14 @@ def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     """Return the terms of the mean charge equation (5.2)."""
     return (
         t.Term(
-            "kinetic flux", "kinetic flux", "(5.2)", "charge", t.DIVERGENCE, "covariance", -c.flux
+            "kinetic flux", "kinetic flux", "(5.2)", "charge", o.DIVERGENCE, "covariance", -c.flux
         ),
         t.Term(
             "triboconductivity",
             "triboconductivity",
             "(5.2)",
             "charge",
-            t.FIELD_DIVERGENCE,
+            o.FIELD_DIVERGENCE,
             "charge",
             -c.triboconductivity,
         ),
@@ -30,7 +31,7 @@ def charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "collisional dispersion",
             "(5.2)",
             "charge",
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "charge",
             c.dispersion,
         ),
@@ -46,7 +47,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "production",
             "(5.3)",
             "covariance",
-            t.GRADIENT,
+            o.GRADIENT,
             "charge",
             -c.gradient_production,
         ),
@@ -55,7 +56,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "production",
             "(5.3)",
             "covariance",
-            t.ELECTRIC_FIELD,
+            o.ELECTRIC_FIELD,
             "charge",
             c.field_production,
         ),
@@ -64,7 +65,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "electric force",
             "(5.3)",
             "covariance",
-            t.IDENTITY,
+            o.IDENTITY,
             VARIANCE_TIMES_FIELD,
             c.electric_force,
         ),
@@ -73,7 +74,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "destruction",
             "(5.3)",
             "covariance",
-            t.IDENTITY,
+            o.IDENTITY,
             "covariance",
             -c.covariance_destruction,
         ),
@@ -82,7 +83,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "dispersion",
             "(3.7)",
             "covariance",
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "covariance",
             c.covariance_dispersion,
         ),
@@ -91,7 +92,7 @@ def covariance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "dispersion",
             "(3.7)",
             "covariance",
-            t.GRADIENT_OF_DIVERGENCE,
+            o.GRADIENT_OF_DIVERGENCE,
             "covariance",
             c.divergence_dispersion,
         ),
@@ -107,7 +108,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "production by covariance and charge gradient",
             "(5.4)",
             "variance",
-            t.IDENTITY,
+            o.IDENTITY,
             FLUX_ALONG_GRADIENT,
             -2.0,
         ),
@@ -116,7 +117,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "production by electric field",
             "(5.4)",
             "variance",
-            t.IDENTITY,
+            o.IDENTITY,
             FIELD_SQUARED,
             c.variance_field_production,
         ),
@@ -125,7 +126,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "destruction",
             "(5.4)",
             "variance",
-            t.IDENTITY,
+            o.IDENTITY,
             "variance",
             -c.variance_destruction,
         ),
@@ -134,7 +135,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "collisional dispersion",
             "(5.4)",
             "variance",
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "variance",
             c.variance_collisional_dispersion,
         ),
@@ -143,7 +144,7 @@ def variance_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             "kinetic dispersion",
             "(5.4)",
             "variance",
-            t.LAPLACIAN,
+            o.LAPLACIAN,
             "variance",
             c.granular_temperature / c.variance_flux_destruction,
         ),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from jaxtyping import Array
 
 from triboflux.hierarchy import MODELS
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.coefficients import Scalar, TransportCoefficients
 from triboflux.models.dropped import CLOSED
@@ -106,21 +107,21 @@ CLOSED_COVARIANCE_SQUARED = t.Product(
 class _Substitution:
     """What a part of the covariance becomes under ∇· and in its products with ∇Q and E."""
 
-    divergence: t.Operator
+    divergence: o.Operator
     along: dict[t.Product, t.Product]
 
 
 _SUBSTITUTIONS = {
-    t.GRADIENT: _Substitution(
-        t.LAPLACIAN,
+    o.GRADIENT: _Substitution(
+        o.LAPLACIAN,
         {FLUX_ALONG_GRADIENT: GRADIENT_SQUARED, FLUX_ALONG_FIELD: FIELD_ALONG_GRADIENT},
     ),
-    t.ELECTRIC_FIELD: _Substitution(
-        t.FIELD_DIVERGENCE,
+    o.ELECTRIC_FIELD: _Substitution(
+        o.FIELD_DIVERGENCE,
         {FLUX_ALONG_GRADIENT: FIELD_ALONG_GRADIENT, FLUX_ALONG_FIELD: FIELD_SQUARED},
     ),
-    t.IDENTITY: _Substitution(
-        t.DIVERGENCE,
+    o.IDENTITY: _Substitution(
+        o.DIVERGENCE,
         {FLUX_ALONG_GRADIENT: FORCE_ALONG_GRADIENT, FLUX_ALONG_FIELD: FORCE_ALONG_FIELD},
     ),
 }
@@ -237,7 +238,7 @@ def algebraic(c: TransportCoefficients) -> Model:
     parts = (by_gradient, by_field, force)
 
     def pointwise(name: str, source: t.Product) -> t.Term:
-        return t.Term(name, name, "(7.9)", "variance", t.IDENTITY, source, 1.0, parameters)
+        return t.Term(name, name, "(7.9)", "variance", o.IDENTITY, source, 1.0, parameters)
 
     return Model(
         "algebraic",

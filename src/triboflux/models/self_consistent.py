@@ -14,14 +14,12 @@ terms of particles in flight. What collisions, contacts and drag take is summed 
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from triboflux.hierarchy import MODELS
+from triboflux.models import operators as o
 from triboflux.models import terms as t
-from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.conduction import (
     STATE,
     TEMPERATURE_GRADIENT,
@@ -34,18 +32,18 @@ from triboflux.models.conduction import (
 )
 from triboflux.models.model import Model
 from triboflux.models.products import symmetric
-from triboflux.models.third_order import third_order, with_traces
+from triboflux.models.third_order import carried_charge_terms, third_order, with_traces
 from triboflux.models.varying import TEMPERATURE, LocalCoefficients, varying
 
-COVARIANCE_GRADIENT = t.Applied(t.GRADIENT_OF_VECTOR, "covariance")
+COVARIANCE_GRADIENT = t.Applied(o.GRADIENT_OF_VECTOR, "covariance")
 
 
 _WORKS = {
-    t.DIVERGENCE: "E·C",
-    t.FIELD_DIVERGENCE: "E·E",
-    t.LAPLACIAN: "E·∇Q",
-    t.DIVERGENCES[t.DIVERGENCE_OF_TENSOR]: "E·(∇·T)",
-    t.DIVERGENCES[t.GRADIENT]: "E·∇tr T",
+    o.DIVERGENCE: "E·C",
+    o.FIELD_DIVERGENCE: "E·E",
+    o.LAPLACIAN: "E·∇Q",
+    o.DIVERGENCES[o.DIVERGENCE_OF_TENSOR]: "E·(∇·T)",
+    o.DIVERGENCES[o.GRADIENT]: "E·∇tr T",
 }
 """What the field's work is on the flux of charge whose divergence an operator makes."""
 
@@ -107,63 +105,51 @@ TRACES = {
 # ------------------------------------------------------------------ equations
 
 
-def _coefficients(local: LocalCoefficients, temperature: Array | None) -> TransportCoefficients:
-    return local.reference() if temperature is None else local.at(temperature)
-
-
 def _third_order(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
     """Return the equations of the third-order model, which take R_ij for Θ δ_ij."""
-    return third_order(_coefficients(local, temperature)).terms
+    return third_order(local.at(temperature)).terms
 
 
 def _anisotropic(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
     """Return what R_ij − Θ δ_ij and gradients of R_ij add to these."""
-    c = _coefficients(local, temperature)
+    c = local.at(temperature)
     destruction = c.variance_flux_destruction
+    covariance, variance = t.maker("covariance"), t.maker("variance")
+    tensor = t.maker("covariance_flux")
     return (
-        t.Term(
+        covariance(
             "production by charge gradient, anisotropic",
             "production",
-            "",
-            "covariance",
-            t.IDENTITY,
+            o.IDENTITY,
             DEVIATOR_ALONG_GRADIENT,
             -1.0,
         ),
-        t.Term(
+        variance(
             "kinetic dispersion, anisotropic",
             "kinetic dispersion",
-            "",
-            "variance",
-            t.DIVERGENCE,
+            o.DIVERGENCE,
             DEVIATOR_ALONG_VARIANCE,
             1.0 / destruction,
         ),
         *with_traces(
-            t.Term(
+            tensor(
                 "production by covariance gradient, anisotropic",
                 "production",
-                "",
-                "covariance_flux",
-                t.IDENTITY,
+                o.IDENTITY,
                 STRETCHING,
                 -1.0,
             ),
-            t.Term(
+            tensor(
                 "production by gradient of the granular temperature",
                 "production",
-                "",
-                "covariance_flux",
-                t.IDENTITY,
+                o.IDENTITY,
                 ADVECTION,
                 -1.0,
             ),
-            t.Term(
+            tensor(
                 "electric force, anisotropic",
                 "electric force",
-                "",
-                "covariance_flux",
-                t.IDENTITY,
+                o.IDENTITY,
                 FLUX_BY_FIELD,
                 -c.electric_force / destruction,
             ),
@@ -174,19 +160,13 @@ def _anisotropic(local: LocalCoefficients, temperature: Array | None) -> tuple[t
 
 def _temperature(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
     """Return the equations of R_ij and Θ but for conduction by flight."""
-    c = temperature_coefficients(local, temperature)
-
-    def term(
-        name: str, group: str, operator: t.Operator, source: str | t.Product, coefficient: Any
-    ) -> t.Term:
-        return t.Term(name, group, "", TENSOR, operator, source, coefficient)
-
+    c, term = temperature_coefficients(local, temperature), t.maker(TENSOR)
     return with_traces(
-        term("heating by the field", "heating", t.IDENTITY, COVARIANCE_BY_FIELD, c.electric_force),
-        term("return to isotropy", "return to isotropy", t.IDENTITY, TENSOR, -c.isotropy),
-        term("isotropic part", "return to isotropy", t.ISOTROPIC, TEMPERATURE, c.isotropy),
-        term("cooling", "inelastic cooling", t.ISOTROPIC, TEMPERATURE, -c.cooling),
-        term("drag", "drag", t.IDENTITY, TENSOR, -2.0 * c.drag),
+        term("heating by the field", "heating", o.IDENTITY, COVARIANCE_BY_FIELD, c.electric_force),
+        term("return to isotropy", "return to isotropy", o.IDENTITY, TENSOR, -c.isotropy),
+        term("isotropic part", "return to isotropy", o.ISOTROPIC, TEMPERATURE, c.isotropy),
+        term("cooling", "inelastic cooling", o.ISOTROPIC, TEMPERATURE, -c.cooling),
+        term("drag", "drag", o.IDENTITY, TENSOR, -2.0 * c.drag),
         products=TRACES,
     )
 
@@ -197,32 +177,23 @@ def _energy(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term
     Charge that moves along the field takes energy from it; what the velocities do not get of it is
     lost, as what collisions and drag take from them.
     """
-    c = _coefficients(local, temperature)
-    own = temperature_coefficients(local, temperature)
-
-    def term(name: str, group: str, source: str | t.Product, coefficient: Any) -> t.Term:
-        return t.Term(name, group, "", "dissipated_energy", t.IDENTITY, source, coefficient)
-
+    c = local.at(temperature)
+    own, term = temperature_coefficients(local, temperature), t.maker("dissipated_energy")
+    by_field = "work of the field"
     works: list[t.Term] = []
-    for moved in third_order(c).terms:
-        if moved.moment != "charge":
-            continue
+    for moved in carried_charge_terms(c):
         source = str(moved.source)
-        _, inner = t.FLUXES[moved.operator]
-        read = source if inner is t.IDENTITY else t.Applied(inner, source)
+        _, inner = o.FLUXES[moved.operator]
+        read = source if inner is o.IDENTITY else t.Applied(inner, source)
         work = t.Product(_WORKS[moved.operator], (read, t.FIELD), t.dot)
-        name = f"work of the field by {moved.name}"
-        works.append(term(name, "work of the field", work, -c.electric_force * moved.coefficient))
+        factor = -c.electric_force * moved.coefficient
+        works.append(term(f"{by_field} by {moved.name}", by_field, o.IDENTITY, work, factor))
+    heat = TRACES[COVARIANCE_BY_FIELD]
     return (
         *works,
-        term(
-            "heating of the particles",
-            "work of the field",
-            TRACES[COVARIANCE_BY_FIELD],
-            -0.5 * c.electric_force,
-        ),
-        term("cooling", "inelastic cooling", TEMPERATURE, 1.5 * own.cooling),
-        term("drag", "drag", TEMPERATURE, 3.0 * own.drag),
+        term("heating of the particles", by_field, o.IDENTITY, heat, -0.5 * c.electric_force),
+        term("cooling", "inelastic cooling", o.IDENTITY, TEMPERATURE, 1.5 * own.cooling),
+        term("drag", "drag", o.IDENTITY, TEMPERATURE, 3.0 * own.drag),
     )
 
 
@@ -237,4 +208,4 @@ def self_consistent(local: LocalCoefficients) -> Model:
     builders = (_third_order, _anisotropic, _temperature, _energy)
     varied = [term for builder in builders for term in varying(builder, local)]
     terms = (*varied, *conduction_terms(local))
-    return Model("self-consistent", MODELS["self-consistent"].evolves, terms, local.reference())
+    return Model("self-consistent", MODELS["self-consistent"].evolves, terms, local.at(None))

@@ -18,6 +18,7 @@ from types import MappingProxyType
 
 from triboflux.hierarchy import MODELS, TRACES
 from triboflux.models import dropped
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.full import charge_terms, covariance_terms, variance_terms
@@ -29,39 +30,34 @@ TRACES_OF_PRODUCTS = {GRADIENT_BY_FIELD: GRADIENT_ALONG_FIELD}
 
 def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     """Return the terms of the equation of T_ij, (A1) with (A11)."""
-
-    def term(
-        name: str, group: str, operator: t.Operator, source: str | t.Product, coefficient: object
-    ) -> t.Term:
-        return t.Term(name, group, "(A1)", "covariance_flux", operator, source, coefficient)  # pyright: ignore[reportArgumentType] -- a number or an array
-
+    term = t.maker("covariance_flux", "(A1)")
     return (
         term(
             "production by covariance gradient",
             "production",
-            t.SYMMETRIC_GRADIENT,
+            o.SYMMETRIC_GRADIENT,
             "covariance",
             -c.shear,
         ),
         term(
             "production by covariance divergence",
             "production",
-            t.ISOTROPIC_DIVERGENCE,
+            o.ISOTROPIC_DIVERGENCE,
             "covariance",
             -c.divergence,
         ),
         term(
             "electric force",
             "electric force",
-            t.IDENTITY,
+            o.IDENTITY,
             GRADIENT_BY_FIELD,
             -c.electric_force * c.granular_temperature / c.variance_flux_destruction,
         ),
-        term("destruction", "destruction", t.IDENTITY, "covariance_flux", -c.third_moment),
+        term("destruction", "destruction", o.IDENTITY, "covariance_flux", -c.third_moment),
         term(
             "destruction of the trace",
             "destruction",
-            t.ISOTROPIC,
+            o.ISOTROPIC,
             "covariance_flux_trace",
             -c.third_moment_coupling,
         ),
@@ -79,12 +75,12 @@ def trace_of(term: t.Term, products: Mapping[t.Product, t.Product]) -> t.Term:
     products : mapping
         The traces of products that are tensors.
     """
-    operator, factor = t.TRACES[term.operator]
+    operator, factor = o.TRACES[term.operator]
     moment, weight = TRACES[term.moment]
     source: str | t.Product
     if isinstance(term.source, t.Product):
         source = products[term.source]
-    elif operator in (t.IDENTITY, t.LAPLACIAN) and term.source in TRACES:
+    elif operator in (o.IDENTITY, o.LAPLACIAN) and term.source in TRACES:
         source, of_source = TRACES[term.source]
         factor = factor / of_source
     else:
@@ -105,6 +101,16 @@ def with_traces(
     return (*terms, *(trace_of(term, products) for term in terms))
 
 
+def _without_closed(terms: tuple[t.Term, ...]) -> tuple[t.Term, ...]:
+    """Return the terms but for those that take T_ij as closed."""
+    return tuple(term for term in terms if term.group not in dropped.CLOSED)
+
+
+def carried_charge_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return the terms of the mean charge equation (5.2), T_ij being evolved."""
+    return _without_closed(charge_terms(c)) + dropped.carried_charge_terms(c)
+
+
 def third_order(coefficients: TransportCoefficients) -> Model:
     """Return the third-order model: the full one with an equation for ⟨ξ'c'c'⟩.
 
@@ -114,23 +120,18 @@ def third_order(coefficients: TransportCoefficients) -> Model:
         Of the equations.
     """
     c = coefficients
-    charge, covariance = (
-        tuple(term for term in terms if term.group not in dropped.CLOSED)
-        for terms in (charge_terms(c), covariance_terms(c))
-    )
     flux = t.Term(
         "flux",
         dropped.DISPERSION,
         "(3.1)",
         "covariance",
-        t.DIVERGENCE_OF_TENSOR,
+        o.DIVERGENCE_OF_TENSOR,
         "covariance_flux",
         -1.0,
     )
     terms = (
-        *charge,
-        *dropped.carried_charge_terms(c),
-        *covariance,
+        *carried_charge_terms(c),
+        *_without_closed(covariance_terms(c)),
         flux,
         *dropped.carried_covariance_terms(c),
         *variance_terms(c),

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from triboflux.closures import ClosureSet
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients, transport_coefficients
 from triboflux.numbers import Numbers
@@ -102,17 +103,20 @@ class LocalCoefficients(eqx.Module):
             trace_dimensions,
         )
 
-    def reference(self) -> TransportCoefficients:
-        """Return the coefficients at Θ = 1."""
-        return self._at(self.numbers, 1.0)
+    def at(self, granular_temperature: Float[Array, "*x"] | None) -> TransportCoefficients:
+        """Return the coefficients on points with these granular temperatures.
 
-    def at(self, granular_temperature: Float[Array, "*x"]) -> TransportCoefficients:
-        """Return the coefficients on points with these granular temperatures."""
-        time = jnp.minimum(self.numbers.tau_c, _NEVER)
-        return self._at(self.numbers._replace(tau_c=time), speed(granular_temperature))
-
-    def _at(self, numbers: Any, velocity: Any) -> TransportCoefficients:
+        Parameters
+        ----------
+        granular_temperature : Array or None
+            Scaled by that of the numbers, which ``None`` stands for.
+        """
+        numbers: Any = self.numbers
         closures: Any = self.closures
+        velocity: Any = 1.0
+        if granular_temperature is not None:
+            numbers = numbers._replace(tau_c=jnp.minimum(numbers.tau_c, _NEVER))
+            velocity = speed(granular_temperature)
         n_t = self.trace_dimensions
         return transport_coefficients(numbers, closures, n_t, n_t, velocity)
 
@@ -190,9 +194,9 @@ def _excess(
     builder: Builder, index: int, term: t.Term, source: str, local: LocalCoefficients
 ) -> t.Term:
     """Return what a linear term lacks where Θ is not one."""
-    whole = (t.IDENTITY, term.operator)
-    outer, inner = t.FLUXES.get(term.operator, whole) if term.moment in CONSERVED else whole
-    read = source if inner is t.IDENTITY else t.Applied(inner, source)
+    whole = (o.IDENTITY, term.operator)
+    outer, inner = o.FLUXES.get(term.operator, whole) if term.moment in CONSERVED else whole
+    read = source if inner is o.IDENTITY else t.Applied(inner, source)
     product = t.Product(f"off Θ = 1: {inner.name}", (read, _shared(builder)), _Excess(index))
     return replace(
         term,
