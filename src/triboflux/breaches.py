@@ -11,7 +11,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
 from triboflux.models.model import ROUND_OFF, Model
 from triboflux.models.terms import values_of
-from triboflux.realizability import margin_of, realizability_margin, tensor_of
+from triboflux.realizability import margin_of, realizability_margin
 
 if TYPE_CHECKING:
     from triboflux.integrate import Carry
@@ -121,12 +121,21 @@ class RealizabilityWatch:
         Of the fields.
     closed_covariance : bool
         Whether the covariance is an algebraic expression.
+    evolved_temperature : bool
+        Whether R_ij has an equation of its own.
     """
 
-    def __init__(self, grid: Grid, *, closed_covariance: bool = False) -> None:
+    def __init__(
+        self, grid: Grid, *, closed_covariance: bool = False, evolved_temperature: bool = False
+    ) -> None:
         self._grid = grid
-        self._closed_covariance = closed_covariance
-        self._evolved = False
+        self._squared = _squared(evolved_temperature)
+        if closed_covariance:
+            self._reason = "The algebraic covariance does not know this bound."
+        elif evolved_temperature:
+            self._reason = "The closed fluxes of C, V and R_ij do not know this bound."
+        else:
+            self._reason = "Theta is held fixed while the field feeds C."
         self._lowest: list[tuple[float, float]] = []
         self._worst: tuple[float, float, str] = (np.inf, 0.0, "")
         self._last = np.zeros(0)
@@ -145,9 +154,7 @@ class RealizabilityWatch:
         """
         if "variance" not in fields:
             return
-        dimensions = self._grid.dimensions
-        self._evolved = tensor_of(fields, dimensions) is not None
-        margin = margin_of(fields, dimensions)
+        margin = margin_of(fields, self._grid.dimensions)
         self._scale = max(self._scale, float(np.max(np.abs(fields["variance"]))))
         # whatever the scale will be, the first breach is lower than all before it
         for time, lowest in zip(times, margin.reshape(len(times), -1).min(axis=1), strict=True):
@@ -168,18 +175,11 @@ class RealizabilityWatch:
             return []
         margin, time, place = self._worst
         return [
-            f"not realizable: {_squared(self._evolved)} > V from t = {first:.4g} on (first output "
+            f"not realizable: {self._squared} > V from t = {first:.4g} on (first output "
             "that shows it), "
             f"by up to {-margin:.3g} at t = {time:.4g}, x = {place}; "
-            f"{float((self._last < least).mean()):.0%} of the box at the end. {self._reason()}"
+            f"{float((self._last < least).mean()):.0%} of the box at the end. {self._reason}"
         ]
-
-    def _reason(self) -> str:
-        if self._closed_covariance:
-            return "The algebraic covariance does not know this bound."
-        if self._evolved:
-            return "The closed fluxes of C, V and R_ij do not know this bound."
-        return "Theta is held fixed while the field feeds C."
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -13,6 +13,7 @@ from triboflux import closures, models
 from triboflux.breaches import broken_limit
 from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
+from triboflux.fields import tensor_of
 from triboflux.grid import Grid
 from triboflux.hierarchy import RANKS, components
 from triboflux.models.model import Model
@@ -98,13 +99,9 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
 
 def _moment(snapshot: xr.Dataset, moment: str) -> np.ndarray:
     """Return a moment from its variables at one time."""
-    dimensions = snapshot.sizes["component"]
-    parts = components(moment, dimensions)
-    if moment in parts:
+    if RANKS[moment] < 2:
         return snapshot[moment].values
-    rows = {place: snapshot[name].values for name, place in parts.items()}
-    along = range(dimensions)
-    return np.stack([np.stack([rows[min(i, j), max(i, j)] for j in along]) for i in along])
+    return tensor_of(snapshot, moment, snapshot.sizes["component"])
 
 
 @eqx.filter_jit

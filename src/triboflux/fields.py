@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import operator
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from triboflux.case_checks import DIMENSION_NAMES
 from triboflux.errors import InputError, shown
@@ -169,6 +173,30 @@ def known_variables(dataset: xr.Dataset) -> list[str]:
     names = [str(name) for name in dataset.data_vars]
     names = [name for name in names if name.removesuffix(STANDARD_ERROR) in FIELDS]
     return [name for name in names if dataset[name].dims == dimensions_of(name, dimensions)]
+
+
+def tensor_of(values: Mapping[Any, Any], moment: str, dimensions: int) -> NDArray[np.float64]:
+    """Return a symmetric tensor from the variables that hold its components.
+
+    Parameters
+    ----------
+    values : mapping
+        Such as a dataset; arrays of one shape by the names of variables.
+    moment : str
+        Of rank two in `triboflux.hierarchy.RANKS`.
+    dimensions : int
+        Of the box.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape ``[component, component, ...]``.
+    """
+    rows = {
+        place: np.asarray(values[name]) for name, place in components(moment, dimensions).items()
+    }
+    along = range(dimensions)
+    return np.stack([np.stack([rows[min(i, j), max(i, j)] for j in along]) for i in along])
 
 
 def output_index(dataset: xr.Dataset, time: int) -> int:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from triboflux.fields import tensor_of
 from triboflux.hierarchy import components
 
 TENSOR = "granular_temperature_tensor"
@@ -44,36 +45,14 @@ def realizability_margin(covariance: Any, variance: Any, tensor: Any = None) -> 
     return variance - squared * share
 
 
-def tensor_of(fields: Mapping[str, Any], dimensions: int) -> np.ndarray | None:
-    """Return R_ij from its variables, or None where there are none.
-
-    Parameters
-    ----------
-    fields : mapping
-        By the names of a dataset, each of shape ``[time, *x]``.
-    dimensions : int
-        Of the box.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        Shape ``[component, component, time, *x]``.
-    """
-    places = {place: name for name, place in components(TENSOR, dimensions).items()}
-    if not all(name in fields for name in places.values()):
-        return None
-    along = range(dimensions)
-    rows = [[np.asarray(fields[places[min(i, j), max(i, j)]]) for j in along] for i in along]
-    return np.stack([np.stack(row) for row in rows])
-
-
 def margin_of(fields: Mapping[str, Any], dimensions: int) -> np.ndarray:
     """Return the margin from the variables of a dataset.
 
     Parameters
     ----------
     fields : mapping
-        With ``covariance[time, component, *x]`` and ``variance[time, *x]``.
+        With ``covariance[time, component, *x]``, ``variance[time, *x]`` and, if R_ij is evolved,
+        its components.
     dimensions : int
         Of the box.
 
@@ -83,6 +62,6 @@ def margin_of(fields: Mapping[str, Any], dimensions: int) -> np.ndarray:
         Shape ``[time, *x]``; see `realizability_margin`.
     """
     covariance = np.moveaxis(np.asarray(fields["covariance"]), 1, 0)
-    return realizability_margin(
-        covariance, np.asarray(fields["variance"]), tensor_of(fields, dimensions)
-    )
+    known = set(components(TENSOR, dimensions)) <= fields.keys()
+    tensor = tensor_of(fields, TENSOR, dimensions) if known else None
+    return realizability_margin(covariance, np.asarray(fields["variance"]), tensor)

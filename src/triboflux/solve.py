@@ -22,6 +22,7 @@ from triboflux.keeping import Keeper
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
 from triboflux.progress import Progress
+from triboflux.realizability import TENSOR
 from triboflux.result import Result
 from triboflux.running import run_in_memory, run_to_file
 from triboflux.segments import Segments
@@ -192,8 +193,11 @@ class _Run:
         self._attributes = {"trace_dimensions": n_t}
         self._segments = Segments(case, self._model, self._grid)
         keeper.take(self._segments)
-        closed = "covariance" not in model.evolves
-        self._watch = RealizabilityWatch(self._grid, closed_covariance=closed)
+        self._watch = RealizabilityWatch(
+            self._grid,
+            closed_covariance="covariance" not in model.evolves,
+            evolved_temperature=TENSOR in model.evolves,
+        )
 
     def complete(self, on_progress: Callable[[Progress], None] | None) -> None:
         """Make segments until the run is over."""
