@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from triboflux.bounds import bounds, broken_bounds
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
 from triboflux.integrators.controller import LadderController
@@ -25,7 +26,6 @@ from triboflux.integrators.root import Illinois
 from triboflux.models.model import Model
 from triboflux.models.terms import Term, evaluate
 from triboflux.moments import Moments
-from triboflux.realizability import realizability_margin
 from triboflux.resolution import resized, unresolved
 
 # Where in a step a stop lies is found to a thousandth of what the tolerance allows the state, or
@@ -300,46 +300,6 @@ def _saved(settings: Settings) -> dict[str, diffrax.SubSaveAt]:
     return saved
 
 
-def broken_bounds(
-    model: Model, coefficients: Moments, grid: Grid, realizability_bound: Scalar | None
-) -> dict[str, Bool[Array, ""]]:
-    """Return which bounds a state breaks already, by the name of the rule.
-
-    Parameters
-    ----------
-    model : Model
-        Whose limits are bounds.
-    coefficients : Moments
-        The state.
-    grid : Grid
-        Where it lives.
-    realizability_bound : Scalar or None
-        See `Settings`.
-    """
-    bounds = _bounds(model, grid, realizability_bound)
-    return {name: margin(coefficients) <= 0.0 for name, margin in bounds.items()}
-
-
-def _bounds(
-    model: Model, grid: Grid, realizability_bound: Scalar | None
-) -> dict[str, Callable[[Moments], Array]]:
-    """Return functions of the state that have to stay positive."""
-    calculus = FourierCalculus(grid)
-    bounds: dict[str, Callable[[Moments], Array]] = {}
-    if model.limits:
-        bounds["nonphysical"] = lambda y: model.margin(calculus, y)
-    if realizability_bound is not None:
-
-        def margin(y: Moments) -> Array:
-            fields = model.fields(calculus, y)
-            tensor = fields.granular_temperature_tensor
-            margins = realizability_margin(fields.covariance, fields.variance, tensor)
-            return realizability_bound + jnp.min(margins)
-
-        bounds["unrealizable"] = margin
-    return bounds
-
-
 def _ending_at_once(settings: Settings, carry: Carry, broken: Bool[Array, ""]) -> Settings:
     """Return settings that make no step from a state that breaks a bound.
 
@@ -415,5 +375,5 @@ def _stop_rules(
 
     rules = {"peak_charge": peak_charge, "rate": rate}
     chosen: dict[str, Any] = {n: rule for n, rule in rules.items() if values[n] is not None}
-    bounds = _bounds(model, grid, settings.realizability_bound)
-    return chosen | {name: rule(margin) for name, margin in bounds.items()}
+    margins = bounds(model, grid, settings.realizability_bound)
+    return chosen | {name: rule(margin) for name, margin in margins.items()}

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from triboflux import breaches
+from triboflux.bounds import broken_bounds
 from triboflux.case_checks import check_stop_value
 from triboflux.errors import InputError
 from triboflux.grid import Grid
@@ -24,7 +25,6 @@ from triboflux.integrate import (
     Settings,
     advance,
     begin,
-    broken_bounds,
     moved,
 )
 from triboflux.integrators.linear import distinct_wave_numbers
