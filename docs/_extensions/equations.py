@@ -6,6 +6,7 @@ what the program adds up.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +38,10 @@ NUMBERS: Any = SimpleNamespace(
     restitution=E,
 )
 """The seven numbers as symbols, called as in `triboflux.Numbers`."""
+_SOME = Numbers(
+    peclet=1e3, tau_c=0.1, tau_p=1.0, energy_ratio=1.0, length_ratio=50.0, restitution=0.9
+)
+"""Some, for a list of terms whose coefficients are not shown."""
 
 RATES = {
     "collisional_flux": (r"\eta", "collisional part of the flux", "(2.27)"),
@@ -230,53 +235,39 @@ def terms() -> str:
     """
     sections: list[str] = []
     for name in REGISTRY:
+        sections.append(f"### {name}")
         if TEMPERATURE in MODELS[name].evolves:
-            sections += [f"### {name}", _local_terms(name)]
-            continue
-        model = symbolic_model(name)
-        rows = [
-            "| equation of | term | group in budgets | paper | operator | source | coefficient |",
-            "| --- | --- | --- | --- | --- | --- | --- |",
-        ]
-        for term in model.terms:
-            source = f"${_source(term)}$"
-            cells = (
-                f"${_LETTERS[term.moment]}$",
-                term.name,
-                term.group,
-                term.equation,
-                term.operator.name,
-                source,
-                _cell(term.coefficient),
+            sections.append(
+                "Coefficients are those of the local Θ; what they are at Θ = 1 and the rest are "
+                "one here."
             )
-            rows.append(f"| {' | '.join(cells)} |")
-        formulas = () if name == "full" else (equations(name),)
-        sections += [f"### {name}", *formulas, "\n".join(rows)]
+            shown = [t for t in build(name, _SOME).terms if not t.name.endswith(OFF)]
+            sections.append(_table(shown, paper=False, coefficients=False))
+            continue
+        if name != "full":
+            sections.append(equations(name))
+        sections.append(_table(symbolic_model(name).terms))
     return "\n\n".join(sections)
 
 
-def _local_terms(name: str) -> str:
-    """Return the terms of a model whose coefficients are those of the local temperature."""
-    numbers = Numbers(
-        peclet=1e3, tau_c=0.1, tau_p=1.0, energy_ratio=1.0, length_ratio=50.0, restitution=0.9
-    )
-    rows = [
-        "Coefficients are those of the local Θ; what they are at Θ = 1 and the rest are one here.",
-        "",
-        "| equation of | term | group in budgets | operator | source |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    for term in build(name, numbers).terms:
-        if not term.name.endswith(OFF):
-            cells = (
-                f"${_LETTERS[term.moment]}$",
-                term.name,
-                term.group,
-                term.operator.name,
-                f"${_source(term)}$",
-            )
-            rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows)
+def _table(terms: Iterable[Term], *, paper: bool = True, coefficients: bool = True) -> str:
+    """Return terms as a table, without their equations' numbers or coefficients if so wanted."""
+    columns: dict[str, Callable[[Term], str]] = {
+        "equation of": lambda term: f"${_LETTERS[term.moment]}$",
+        "term": lambda term: term.name,
+        "group in budgets": lambda term: term.group,
+        "paper": lambda term: term.equation,
+        "operator": lambda term: term.operator.name,
+        "source": lambda term: f"${_source(term)}$",
+        "coefficient": lambda term: _cell(term.coefficient),
+    }
+    if not paper:
+        del columns["paper"]
+    if not coefficients:
+        del columns["coefficient"]
+    rows = [list(columns), ["---"] * len(columns)]
+    rows += [[cell(term) for cell in columns.values()] for term in terms]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
 
 def dropped() -> str:
@@ -284,23 +275,8 @@ def dropped() -> str:
     sections: list[str] = []
     for name in ("third-order", "full", "semi-algebraic", "algebraic"):
         found = [term for term in symbolic_model(name, complete=True).terms if _is_dropped(term)]
-        if not found:
-            continue
-        rows = [
-            "| equation of | term | group in budgets | operator | source | coefficient |",
-            "| --- | --- | --- | --- | --- | --- |",
-        ]
-        for term in found:
-            cells = (
-                f"${_LETTERS[term.moment]}$",
-                term.name,
-                term.group,
-                term.operator.name,
-                f"${_source(term)}$",
-                _cell(term.coefficient),
-            )
-            rows.append(f"| {' | '.join(cells)} |")
-        sections += [f"### {name}, `complete`", "\n".join(rows)]
+        if found:
+            sections += [f"### {name}, `complete`", _table(found, paper=False)]
     rows = ["| symbol | what | expression |", "| --- | --- | --- |"]
     expressions = dropped_expressions()
     for key, (symbol, meaning) in DROPPED.items():
