@@ -14,14 +14,14 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import xarray as xr
 
 import triboflux
-from benchmarks.timing import ROOT, table, write_section
+from benchmarks.timing import ROOT, print_or_write, table
 from triboflux.case import Case
+from triboflux.compare import with_changes
 from triboflux.kinetic.simulation import simulate
 from triboflux.scales import Scales
 
@@ -40,17 +40,11 @@ OUTPUTS = (1, 4, 16)
 """Of the seventeen of the case; the first is the initial state."""
 
 
-def changed(tables: dict[str, Any], **changes: str) -> Case:
-    """Return a case from its tables, some of them changed."""
-    return Case(**(tables | changes))
-
-
 def predictions(case: Case) -> dict[tuple[str, str], xr.Dataset]:
     """Return what the models say, by model and closure set."""
-    tables = case.model_dump()
     found: dict[tuple[str, str], xr.Dataset] = {}
     for model, closures in MODELS:
-        named = changed(tables, model=model, closures=closures)
+        named = with_changes(case, model=model, closures=closures)
         found[model, closures] = triboflux.solve(named).dataset
     return found
 
@@ -96,17 +90,17 @@ def rows(
 
 def section() -> str:
     """Return the section of the page."""
-    tables = Case.from_toml(CASE).model_dump()
-    tables["kinetic"] |= {"particles": PARTICLES}
-    case = changed(tables)
+    case = Case.from_toml(CASE)
+    assert case.kinetic is not None
+    kinetic = case.kinetic.model_dump() | {"particles": PARTICLES}
+    case = with_changes(case, kinetic=kinetic)
     started = time.process_time()
     particles = simulate(case).dataset
     minutes = (time.process_time() - started) / 60.0
     assert case.suspension is not None
     lines = rows(particles, predictions(case), Scales.of(case.suspension).time)
     head = ["time", "what", "mean V", "V", "Q"]
-    assert case.kinetic is not None
-    count = case.kinetic.particles * case.kinetic.ensembles
+    count = kinetic["particles"] * kinetic["ensembles"]
     made = (
         f"Made by `python -m benchmarks.complete_terms --write`, {count:,} particles, "
         f"{minutes:.1f} min of CPU time for them. V and Q are relative L2 differences."
@@ -120,10 +114,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="write into docs/verdict.md")
     options = parser.parse_args(arguments)
     text = section()
-    if options.write:
-        write_section(SECTION, text, PAGE)
-    else:
-        print(text)
+    print_or_write(SECTION, text, PAGE, write=options.write)
     return 0
 
 

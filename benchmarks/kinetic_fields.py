@@ -19,7 +19,7 @@ from benchmarks.kinetic_models import FIELDS, Errors, errors_beside, predict_at
 from benchmarks.kinetic_runs import SEEDS
 from benchmarks.kinetic_tables import Remarks, percent, with_error
 from benchmarks.kinetic_verdict import PAGE
-from benchmarks.timing import table, write_section
+from benchmarks.timing import print_or_write, table
 from triboflux.case_kinetic import THERMOSTATS
 from triboflux.hierarchy import MODELS
 from triboflux.terminal import use_compilation_cache
@@ -170,10 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     use_compilation_cache()
     text = section(tuple(load().values()))
-    if options.write:
-        write_section(SECTION, text, PAGE)
-    else:
-        print(text)
+    print_or_write(SECTION, text, PAGE, write=options.write)
     return 0
 
 

@@ -21,7 +21,7 @@ from benchmarks.kinetic_particles import Reference, Setting, simulate
 from benchmarks.kinetic_runs import FEWER, FIELD, SEEDS
 from benchmarks.kinetic_tables import Remarks, percent, time_error, time_of
 from benchmarks.kinetic_verdict import PAGE
-from benchmarks.timing import table, write_section
+from benchmarks.timing import print_or_write, table
 
 SECTION = "third-order"
 MODELS = ("third-order", "full", "gradient")
@@ -77,10 +77,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"tau_c = {setting.tau_c:g}: {time_of(references[-1])}", file=sys.stderr, flush=True)
     option = "" if options.effort == 1.0 else f" --effort {options.effort:g}"
     text = section(references, option)
-    if options.write:
-        write_section(SECTION, text, PAGE)
-    else:
-        print(text)
+    print_or_write(SECTION, text, PAGE, write=options.write)
     return 0
 
 

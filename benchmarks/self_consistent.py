@@ -16,38 +16,23 @@ from pathlib import Path
 import numpy as np
 
 import triboflux
-from benchmarks.timing import table, write_section
+from benchmarks.timing import print_or_write, table
+from triboflux.compare import with_changes
 from triboflux.energy import energy_balance
+from triboflux.figures import paper_case
 
 PAGE = Path(__file__).parents[1] / "docs" / "self-consistent.md"
 SECTION = "cases"
 MODELS = ("self-consistent", "third-order", "full")
-CASES = {"A": 1e-4, "B": 0.1}
-
-
-def case(tau_c: float, model: str) -> triboflux.Case:
-    """Return a case of the paper with the exact closures."""
-    return triboflux.Case.model_validate(
-        {
-            "title": f"tau_c = {tau_c:g}",
-            "model": model,
-            "numbers": {
-                "peclet": 1e6,
-                "tau_c": tau_c,
-                "energy_ratio": 300.0,
-                "length_ratio": 192.0,
-                "restitution": 1.0,
-            },
-            "grid": {"points": [128]},
-            "initial": {"charge": [{"mode": [1], "sine": -1.0}]},
-            "run": {"t_end": 200.0, "stop_at_peak_charge": 0.5, "outputs": 50},
-        }
-    )
+CASES = {"A": 1, "B": 2}
+"""Numbers of the figures that introduce them."""
+RUN = {"t_end": 200.0, "outputs": 50}
 
 
 def row(name: str, model: str) -> list[str]:
     """Return the line of the table of one run."""
-    result = triboflux.solve(case(CASES[name], model))
+    case = with_changes(paper_case(CASES[name], "derived", model), run=RUN)
+    result = triboflux.solve(case)
     dataset = result.dataset
     margin = dataset["realizability_margin"]
     if "granular_temperature_xx" in dataset:
@@ -84,10 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help=f"write into {PAGE.name}")
     options = parser.parse_args(arguments)
     text = section()
-    if options.write:
-        write_section(SECTION, text, PAGE)
-    else:
-        print(text)
+    print_or_write(SECTION, text, PAGE, write=options.write)
     return 0
 
 

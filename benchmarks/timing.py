@@ -183,3 +183,24 @@ def write_section(name: str, text: str, page: Path = PAGE) -> None:
     if not (found and closed):
         raise ValueError(f"{page.name} lacks the markers {begin} and {end}.")
     page.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")
+
+
+def print_or_write(name: str, text: str, page: Path, *, write: bool) -> None:
+    """Print the text of a section, or write it into its page.
+
+    Parameters
+    ----------
+    name, text, page
+        As for `write_section`.
+    write : bool
+        Whether to write.
+
+    Raises
+    ------
+    ValueError
+        If the page lacks the markers.
+    """
+    if write:
+        write_section(name, text, page)
+    else:
+        print(text)
