@@ -6,13 +6,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from triboflux import closures, models
+from tests.fields import (
+    PAPER,
+    by_fourier,
+    difference_rates,
+    fourier_rates,
+    full_model,
+    sine_state,
+    smooth_state,
+)
+from triboflux import closures
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
 from triboflux.hierarchy import MODELS, RANKS
-from triboflux.integrate import Settings, integrate
-from triboflux.integrators.finite_difference import FiniteDifferences
 from triboflux.models import conduction
+from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.varying import LocalCoefficients
 from triboflux.moments import Moments
@@ -21,59 +29,43 @@ from triboflux.realizability import realizability_margin
 
 NAME = "self-consistent"
 GRIDS = {1: Grid((9,), (1.1,)), 2: Grid((6, 7), (1.0, 1.3)), 3: Grid((6, 6, 6), (1.0, 1.3, 0.9))}
-NUMBERS = Numbers(
-    peclet=300.0,
-    tau_c=0.03,
-    tau_p=0.2,
-    tau_sigma=0.5,
-    energy_ratio=30.0,
-    length_ratio=20.0,
-    restitution=0.8,
-)
+NUMBERS = {
+    "peclet": 300.0,
+    "tau_c": 0.03,
+    "tau_p": 0.2,
+    "tau_sigma": 0.5,
+    "energy_ratio": 30.0,
+    "length_ratio": 20.0,
+    "restitution": 0.8,
+}
 dimensions = pytest.mark.parametrize("d", [1, 3])
-
-
-def smooth(grid, random, *leading):
-    """Return fields that the grid resolves, shape ``[*leading, *x]``."""
-    fields = grid.to_spectral(jnp.asarray(random.standard_normal((*leading, *grid.points))))
-    return grid.to_fields(t.times(jnp.exp(-0.01 * grid.wave_number_squared()), fields))
-
-
-def tensor(grid, random, size):
-    """Return a symmetric tensor of the box and its trace over three dimensions."""
-    d = grid.dimensions
-    half = size * smooth(grid, random, d, d)
-    whole = half + half.swapaxes(0, 1)
-    trace = jnp.trace(whole)
-    return whole, trace if d == 3 else trace + size * smooth(grid, random)
 
 
 def random_state(grid, *, uniform=False):
     """Return fields on the points, with a granular temperature of one everywhere or near it."""
-    random, d = np.random.default_rng(7), grid.dimensions
-    third, third_trace = tensor(grid, random, 0.5)
-    deviation, trace = tensor(grid, random, 0.0 if uniform else 0.05)
+    d = grid.dimensions
+    state, other = (smooth_state(grid, 1, seed, third_order=True) for seed in (1, 2))
+    size = 0.0 if uniform else 0.03
     unit = jnp.eye(d).reshape(d, d, *(1,) * d)
-    return Moments(
-        charge=smooth(grid, random),
-        covariance=0.3 * smooth(grid, random, d),
-        variance=1.0 + 0.1 * smooth(grid, random),
-        covariance_flux=third,
-        covariance_flux_trace=third_trace,
+    deviation, trace = size * other.covariance_flux, size * other.covariance_flux_trace
+    if d == 3:
+        # all components are there, and make the traces
+        trace = jnp.trace(deviation)
+        state = eqx.tree_at(
+            lambda s: s.covariance_flux_trace, state, jnp.trace(state.covariance_flux)
+        )
+    return state + Moments(
         granular_temperature_tensor=unit + deviation,
         granular_temperature=1.0 + trace / 3.0,
-        dissipated_energy=smooth(grid, random),
+        dissipated_energy=other.variance,
     )
 
 
 def rates(name, numbers, grid, fields, closure_set="derived"):
-    """Return the right-hand side on the points."""
-    model = models.build(name, numbers, closure_set, dimensions=grid.dimensions)
-    state = Moments(
-        **{moment: grid.to_spectral(getattr(fields, moment)) for moment in model.evolves}
-    )
-    found = eqx.filter_jit(model.right_hand_side)(FourierCalculus(grid), state)
-    return jax.tree.map(grid.to_fields, found)
+    """Return a model's right-hand side from the fields that it knows."""
+    model = full_model(numbers, closure_set, grid.dimensions, name=name)
+    known = Moments(**{moment: getattr(fields, moment) for moment in model.evolves})
+    return fourier_rates(model, grid, known)
 
 
 def largest(values):
@@ -110,19 +102,20 @@ def test_at_another_temperature_it_is_the_third_order_model_with_other_numbers(c
         (theta * fields.granular_temperature_tensor, theta * fields.granular_temperature),
     )
     root, transfer = theta**0.5, theta**0.9
-    changes = {
-        "peclet": NUMBERS.peclet * root / transfer,
-        "tau_p": NUMBERS.tau_p * root,
-        "tau_sigma": NUMBERS.tau_sigma * root / transfer,
-        "energy_ratio": NUMBERS.energy_ratio / theta,
+    factors = {
+        "peclet": root / transfer,
+        "tau_p": root,
+        "tau_sigma": root / transfer,
+        "energy_ratio": 1.0 / theta,
     }
+    changed = NUMBERS | {name: factor * NUMBERS[name] for name, factor in factors.items()}
     powers = {"charge": 0, "covariance": 1, "variance": 0}
     powers |= {"covariance_flux": 2, "covariance_flux_trace": 2}
     scaled = Moments(
         **{name: getattr(fields, name) / root**power for name, power in powers.items()}
     )
     ours = rates(NAME, NUMBERS, grid, hot, closure_set)
-    theirs = rates("third-order", NUMBERS.model_copy(update=changes), grid, scaled, closure_set)
+    theirs = rates("third-order", changed, grid, scaled, closure_set)
     for moment, power in powers.items():
         one, other = getattr(ours, moment), root ** (power + 1) * getattr(theirs, moment)
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * largest(other))
@@ -145,20 +138,20 @@ def test_tensors_and_their_traces_stay_together():
 def test_conduction_is_linear_near_the_first_temperature_and_a_flux_elsewhere(d):
     grid = GRIDS[d]
     fields, calculus = random_state(grid), FourierCalculus(GRIDS[d])
-    closure_set = closures.by_name("derived", NUMBERS.restitution)
-    local = LocalCoefficients.of(NUMBERS, closure_set, 3)
+    closure_set = closures.by_name("derived", NUMBERS["restitution"])
+    local = LocalCoefficients.of(Numbers(**NUMBERS), closure_set, 3)
     state = jax.tree.map(grid.to_spectral, fields)
     terms = conduction.conduction_terms(local)
     linear = t.evaluate(tuple(term for term in terms if term.linear), calculus, state)
     slopes = grid.to_fields(calculus.gradient(state.granular_temperature))
     gradient = grid.to_fields(
-        t.GRADIENT_OF_TENSOR.apply(calculus, state.granular_temperature_tensor)
+        o.GRADIENT_OF_TENSOR.apply(calculus, state.granular_temperature_tensor)
     )
     one = jnp.ones_like(fields.granular_temperature)
     unit = jnp.broadcast_to(jnp.eye(d).reshape(d, d, *(1,) * d), (d, d, *grid.points))
     first = conduction.temperature_coefficients(local, None)
     flux, trace = conduction._heat_flux(unit, one, gradient, slopes, first)
-    own = -t.DIVERGENCE_OF_THIRD.apply(calculus, grid.to_spectral(flux))
+    own = -o.DIVERGENCE_OF_THIRD.apply(calculus, grid.to_spectral(flux))
     of_trace = -calculus.divergence(grid.to_spectral(trace)) / 3.0
     for found, expected in (
         (linear.granular_temperature_tensor, own),
@@ -180,7 +173,7 @@ def test_energy_and_charge_keep_their_sums_whatever_the_state(d, closure_set):
     found = rates(NAME, NUMBERS, grid, fields, closure_set)
     potential = grid.to_fields(FourierCalculus(grid).potential(grid.to_spectral(fields.charge)))
     parts = [
-        NUMBERS.energy_ratio * float(jnp.mean(potential * found.charge)),
+        NUMBERS["energy_ratio"] * float(jnp.mean(potential * found.charge)),
         1.5 * float(jnp.mean(found.granular_temperature)),
         float(jnp.mean(found.dissipated_energy)),
     ]
@@ -206,12 +199,9 @@ def test_both_discretisations_agree():
             dissipated_energy=waves[2],
         )
         fields = jax.tree.map(jnp.asarray, fields)
-        model = models.build(NAME, NUMBERS)
-        finite = eqx.filter_jit(model.right_hand_side)(FiniteDifferences(grid), fields)
-        spectral = rates(NAME, NUMBERS, grid, fields)
-        differences.append(
-            [largest(getattr(finite, n) - getattr(spectral, n)) for n in model.evolves]
-        )
+        model = full_model(NUMBERS, name=NAME)
+        finite, spectral = (f(model, grid, fields) for f in (difference_rates, fourier_rates))
+        differences.append([largest(getattr(finite, n) - getattr(spectral, n)) for n in RANKS])
     order = np.log2(np.divide(*differences))
     assert (order > 5.5).all()
 
@@ -219,33 +209,22 @@ def test_both_discretisations_agree():
 LINE = Grid((64,), (1.0,))
 
 
-@pytest.fixture(scope="module")
-def run():
-    """Return a function that runs a case of the paper, one program for all."""
-    (x,) = LINE.coordinates()
-    nothing, one = jnp.zeros(64), jnp.ones(64)
-    fields = {name: nothing.reshape((1,) * rank + (64,)) for name, rank in RANKS.items()}
+def run(numbers, stop=0.5, end=200.0, **changes):
+    """Run a case of the paper; one program for all."""
+    one = jnp.ones(64)
+    fields = {name: jnp.zeros((1,) * rank + (64,)) for name, rank in RANKS.items()}
     fields |= {"granular_temperature": one, "granular_temperature_tensor": one[None, None]}
-    program = eqx.filter_jit(integrate)
-
-    def runner(numbers, stop=0.5, end=200.0, **changes):
-        model = jax.tree.map(jnp.asarray, models.build(NAME, Numbers(**numbers), "derived"))
-        start = Moments(**fields | {"charge": jnp.asarray(-np.sin(2.0 * np.pi * x))} | changes)
-        settings = Settings(jnp.asarray(end), stop_at_peak_charge=jnp.asarray(stop))
-        outcome = program(model, start, LINE, settings)
-        assert not bool(outcome.failed)
-        return outcome, jax.tree.map(LINE.to_fields, outcome.carry.coefficients)
-
-    return runner
-
-
-PAPER = {"peclet": 1e6, "energy_ratio": 300.0, "length_ratio": 192.0, "restitution": 1.0}
+    start = Moments(**fields | {"charge": sine_state(LINE).charge} | changes)
+    model = full_model(numbers, name=NAME)
+    outcome, found = by_fourier(model, start, LINE, end, 1e-6, 1e-9, stop)
+    assert not bool(outcome.failed)
+    return outcome, found
 
 
 @pytest.mark.parametrize(
     "changes", [{"tau_c": 1e-4}, {"tau_c": 0.1}, {"tau_c": 0.1, "restitution": 0.8, "tau_p": 1.0}]
 )
-def test_a_run_keeps_its_energy_and_stays_realizable(run, changes):
+def test_a_run_keeps_its_energy_and_stays_realizable(changes):
     outcome, fields = run(PAPER | changes)
     field = LINE.to_fields(FourierCalculus(LINE).electric_field(outcome.carry.coefficients.charge))
     energy = 0.5 * 300.0 * float(jnp.mean(field[0] ** 2)) + float(
@@ -263,7 +242,7 @@ def test_a_run_keeps_its_energy_and_stays_realizable(run, changes):
         assert float((fields.variance - fields.covariance[0] ** 2).min()) < -0.3
 
 
-def test_homogeneous_limits(run):
+def test_homogeneous_limits():
     # Haff's law, the decay of anisotropy and drag; without charge nothing else happens
     quiet, one = jnp.zeros(64), jnp.ones(64)
     time, tau = 0.4, 0.05
