@@ -43,6 +43,7 @@ def sweep(
         raise typer.Exit(EXIT_NOT_OK)
 
 
+# As long as the list of what it takes.
 @commands.command(epilog="Example: triboflux chart --closures published --points 32 -o chart")
 def chart(
     output: Annotated[
