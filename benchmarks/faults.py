@@ -1,6 +1,6 @@
 """How many inputs were tried and faults injected, and what was lost; for docs/reliability.md.
 
-Run as ``python -m benchmarks.faults --write``, within about five minutes; ``--scale 0.1`` tries a
+Run as ``python -m benchmarks.faults --write``, in about ten minutes; ``--scale 0.1`` tries a
 tenth of everything. Inputs are tried in this process, faults are injected into real ones: a run of
 a model, a simulation of particles and a sweep, each again and again until the chain of faults is
 over, and then to its end. What ends then must be, bit for bit, what was not disturbed.
