@@ -73,7 +73,8 @@ def test_a_model_without_variance_has_no_such_bound():
         bounded(0.1, model="gradient")
     assert str(refused.value) == (
         "run.realizability_bound is 0.1, but the model 'gradient' has no variance; those that have "
-        "one are self-consistent, third-order, full, semi-algebraic, algebraic."
+        "one are self-consistent-flow, self-consistent, third-order, full, semi-algebraic, "
+        "algebraic."
     )
     with pytest.raises(InputError, match=r"^run\.realizability_bound is 0\.0, but must be a pos"):
         bounded(0.0)

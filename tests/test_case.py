@@ -198,7 +198,7 @@ def test_python_may_give_arrays():
         ({"run__tend": 1}, "run.tend is not a known key; .* Did you mean 't_end'?"),
         (
             {"model": "fulll"},
-            "model is 'fulll', but must be 'self-consistent' or .*. Did you mean 'full'?",
+            "model is 'fulll', but must be 'self-consistent-flow' or .*. Did you mean 'full'?",
         ),
         (
             {"closures": "publishd"},

@@ -219,7 +219,10 @@ def test_summary_counts():
     ("arguments", "words"),
     [
         (["--reduced", "full"], "reduced is 'full', but must be one of semi-algebraic"),
-        (["--reference", "fuller"], "reference is 'fuller', but must be one of self-consistent, "),
+        (
+            ["--reference", "fuller"],
+            "reference is 'fuller', but must be one of self-consistent-flow, ",
+        ),
         (["--closures", "printed"], "closures is 'printed'"),
         (["--points", "1"], "points is 1, but must be at least 2"),
         (["--suspension", "none.toml"], "none.toml"),

@@ -44,7 +44,7 @@ def edited(folder, old, new):
         (
             '"full"',
             '"fulll"',
-            "model is 'fulll', but must be 'self-consistent' or 'third-order'",
+            "model is 'fulll', but must be 'self-consistent-flow' or 'self-consistent'",
             "'full'?",
         ),
         ("tau_c = 0.1", "tau_c = -0.1", "numbers.tau_c is -0.1, but must be a positive", "inf."),

@@ -167,7 +167,7 @@ def test_tensors_need_no_larger_blocks_than_the_parts_that_turn_alike():
         *(("full", moments) for moments in (["charge"], ["covariance"], ["variance"])),
         ("full", ["charge", "covariance", "variance"]),
         ("third-order", list(MODELS["third-order"].evolves)),
-        ("self-consistent", list(RANKS)),
+        ("self-consistent", list(MODELS["self-consistent"].evolves)),
         ("third-order", ["covariance_flux", "variance"]),
         ("third-order", ["covariance", "covariance_flux_trace"]),
     ],

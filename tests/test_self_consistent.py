@@ -75,10 +75,6 @@ def largest(values):
 # ------------------------------------------------------------------ equations
 
 
-def test_it_evolves_every_moment():
-    assert MODELS[NAME].evolves == tuple(RANKS)
-
-
 @pytest.mark.parametrize(("d", "closure_set"), [(1, "complete"), (3, "derived")])
 def test_at_the_first_temperature_it_is_the_third_order_model(d, closure_set):
     grid = GRIDS[d]

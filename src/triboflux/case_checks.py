@@ -85,6 +85,16 @@ def check_realizability_bound(case: Case, with_variance: Sequence[str]) -> None:
         )
 
 
+def check_dimensions(case: Case, in_one_dimension: Sequence[str]) -> None:
+    """Refuse a box that a model does not know; raises InputError."""
+    if case.grid.dimensions > 1 and case.model in in_one_dimension:
+        raise InputError.about(
+            "grid.points",
+            f"is {list(case.grid.points)}, but must have one entry: the model '{case.model}' knows "
+            "one dimension only",
+        )
+
+
 def check_units(case: Case, units: str) -> None:
     """Refuse units that do not exist or that the case has no scales for; raises InputError."""
     if units not in UNITS:

@@ -16,6 +16,7 @@ from triboflux.errors import InputError
 from triboflux.fields import tensor_of
 from triboflux.grid import Grid
 from triboflux.hierarchy import RANKS, components
+from triboflux.mass_coordinate import VOLUME, along_m, along_x
 from triboflux.models.model import Model
 from triboflux.models.terms import evaluate
 from triboflux.moments import Moments
@@ -60,8 +61,8 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
         ``variance(variance_term, x…)`` and, of a tensor, one for each component, such as
         ``covariance_flux_xy(covariance_flux_term, x…)``; dimensionless, scaled by the moment's
         scale times √Θ/L.
-        Their sum over the terms is the time derivative. Coordinates give each term's group and
-        equation.
+        Their sum over the terms is the time derivative, along with the mean velocity where the
+        model has one. Coordinates give each term's group and equation.
 
     Raises
     ------
@@ -81,8 +82,13 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     snapshot = result.to_scaled().dataset.isel(time=nearest)
     model, case = model_of(result), result.case
     grid = Grid(case.grid.points, case.grid.lengths)
-    fields = Moments(**{name: jnp.asarray(_moment(snapshot, name)) for name in model.evolves})
-    values = _all_terms(jax.tree.map(jnp.asarray, model), grid, fields)
+    fields = {name: _moment(snapshot, name) for name in model.evolves}
+    moves, length = VOLUME in model.evolves, case.grid.lengths[0]
+    at_rest = along_m(fields, length) if moves else fields
+    state = Moments(**{name: jnp.asarray(values) for name, values in at_rest.items()})
+    values = _all_terms(jax.tree.map(jnp.asarray, model), grid, state)
+    if moves:
+        values = along_x(values, length, at_rest[VOLUME])
     variables, coordinates = {}, {}
     for moment in model.evolves:
         terms = [term for term in model.terms if term.moment == moment]

@@ -38,6 +38,7 @@ _TEMPERATURE = ("Theta", "temperature", "m2 s-2")
 
 PARTICLE_FIELDS = {
     "number_density": ("particles per volume", "n", "number_density", "m-3"),
+    "specific_volume": ("volume per particle", "1/n", "specific_volume", "m3"),
     "mean_velocity": ("mean velocity", "sqrt(Theta)", "velocity", "m s-1"),
     "granular_temperature": ("granular temperature", *_TEMPERATURE),
     **{

@@ -19,6 +19,8 @@ RANKS = {
     "granular_temperature_tensor": 2,
     "granular_temperature": 0,
     "dissipated_energy": 0,
+    "specific_volume": 0,
+    "mean_velocity": 1,
 }
 """Rank of each moment; tensors are symmetric and have the components of the box's dimensions."""
 
@@ -48,8 +50,12 @@ class Known(NamedTuple):
     closes: tuple[str, ...] = ()
 
 
+FLOW = ("specific_volume", "mean_velocity")
+"""Moments of a model whose particles move on average, which it knows in one dimension only."""
+
 MODELS = {
-    "self-consistent": Known(tuple(RANKS)),
+    "self-consistent-flow": Known(tuple(RANKS)),
+    "self-consistent": Known(tuple(name for name in RANKS if name not in FLOW)),
     "third-order": Known(
         ("charge", "covariance", "variance", "covariance_flux", "covariance_flux_trace")
     ),

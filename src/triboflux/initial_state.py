@@ -12,6 +12,7 @@ import numpy as np
 from triboflux.errors import InputError, shown_path
 from triboflux.fields import FIELDS
 from triboflux.hierarchy import MODELS, RANKS, components
+from triboflux.mass_coordinate import VOLUME, along_m
 from triboflux.scales import Scales
 
 if TYPE_CHECKING:
@@ -94,6 +95,7 @@ def _at_rest(grid: GridSpec) -> dict[str, NDArray[np.float64]]:
         name: np.zeros((grid.dimensions,) * rank + grid.points) for name, rank in RANKS.items()
     }
     moments["granular_temperature"][...] = 1.0
+    moments["specific_volume"][...] = 1.0
     for direction in range(grid.dimensions):
         moments["granular_temperature_tensor"][direction, direction] = 1.0
     return moments
@@ -213,6 +215,10 @@ def _moments_of_file(case: Case, file: str) -> dict[str, NDArray[np.float64]]:
                 )
             for at in {place, place[::-1]}:
                 moments[moment][at] = values
+    if VOLUME in MODELS[case.model].evolves:
+        moments |= along_m(
+            {name: moments[name] for name in MODELS[case.model].evolves}, case.grid.lengths[0]
+        )
     charge = moments["charge"]
     net, peak = abs(float(charge.mean())), float(np.abs(charge).max())
     if net > _NET_CHARGE_OF_A_FILE * peak and not case.initial.neutralising_background:

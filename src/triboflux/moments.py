@@ -42,6 +42,10 @@ class Moments(eqx.Module):
     dissipated_energy : Array or None
         What collisions, contacts and drag have taken of the particles' kinetic energy and the
         field's since time 0, a scalar, per mass of particles, scaled by Θ at time 0.
+    specific_volume : Array or None
+        Volume per particle 1/n, a scalar, scaled by its mean.
+    mean_velocity : Array or None
+        Mean velocity U, a vector, scaled by √Θ at time 0.
     """
 
     charge: Any = None
@@ -52,6 +56,8 @@ class Moments(eqx.Module):
     granular_temperature_tensor: Any = None
     granular_temperature: Any = None
     dissipated_energy: Any = None
+    specific_volume: Any = None
+    mean_velocity: Any = None
 
     def __add__(self, other: Moments) -> Moments:
         """Add two states moment by moment; ``None`` counts as zero."""

@@ -41,6 +41,8 @@ class Scales:
         Q0 Θ, C m²/s².
     variance_flux : float
         Q0² √Θ, C² m/s.
+    specific_volume : float
+        1/n, m³.
     """
 
     length: float
@@ -56,6 +58,7 @@ class Scales:
     temperature: float
     covariance_flux: float
     variance_flux: float
+    specific_volume: float
 
     @classmethod
     def of(cls, suspension: Suspension) -> Scales:
@@ -83,4 +86,5 @@ class Scales:
             temperature=velocity**2,
             covariance_flux=charge * velocity**2,
             variance_flux=charge**2 * velocity,
+            specific_volume=1.0 / suspension.number_density,
         )

@@ -17,8 +17,9 @@ from triboflux.calculus import FourierCalculus
 from triboflux.dataset import build_dataset, stats_and_warnings
 from triboflux.files import require_writable
 from triboflux.grid import Grid
-from triboflux.hierarchy import components
+from triboflux.hierarchy import FLOW, components
 from triboflux.keeping import Keeper
+from triboflux.mass_coordinate import moved_along
 from triboflux.memory import require_memory
 from triboflux.moments import Moments
 from triboflux.progress import Progress
@@ -253,11 +254,28 @@ class _Run:
             record = self._keeper.records[index]
             times[place] = record["time"]
             evolved = {name: jnp.asarray(record[name]) for name in self._model.evolves}
-            for name, values in _observe(self._model, self._grid, Moments(**evolved)).items():
+            observed = observe(self._model, self._grid, Moments(**evolved))
+            for name, values in observed.items():
                 if name not in fields:
                     fields[name] = np.empty((len(chosen), *values.shape))
                 fields[name][place] = values
         return times, fields
+
+
+def observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str, Any]:
+    """Return the fields of a result on points of x from Fourier coefficients.
+
+    Parameters
+    ----------
+    model : Model
+        Those fields that it knows are returned.
+    grid : Grid
+        The case's.
+    coefficients : Moments
+        The state.
+    """
+    observed = _observe(model, grid, coefficients)
+    return moved_along(observed, grid.lengths[0]) if FLOW[0] in model.evolves else observed
 
 
 @eqx.filter_jit

@@ -165,6 +165,59 @@ def velocity_closures(restitution: Any) -> VelocityClosures:
     )
 
 
+class FlowClosures(NamedTuple):
+    """What collisions over a diameter make of a mean velocity; `triboflux.models.flow` tells where.
+
+    Attributes
+    ----------
+    pressure : scalar or array_like
+        Of 2 R_xx + R_mm in the flux of momentum, times √π d/(√Θ τ_c).
+    viscosity : scalar or array_like
+        Of ∂U/∂x there, times d²/τ_c.
+    work_along, work_across : scalar or array_like
+        Of g R_xx and g R_tt in the equation of R_xx, times √π d/(√Θ τ_c).
+    work : scalar or array_like
+        Of g (3 R_xx + 2 R_tt) in that of R_mm, with the same units.
+    heating_along, heating : scalar or array_like
+        Of g² in the equations of R_xx and R_mm, times d²/τ_c.
+    lost_work, lost_heating : scalar or array_like
+        What of both is lost per mass, that is neither kinetic energy of the mean nor ½ R_mm.
+    """
+
+    pressure: Any
+    viscosity: Any
+    work_along: Any
+    work_across: Any
+    work: Any
+    heating_along: Any
+    heating: Any
+    lost_work: Any
+    lost_heating: Any
+
+
+def flow_closures(restitution: Any) -> FlowClosures:
+    """Return the exact collision coefficients of a mean velocity that changes along x.
+
+    Parameters
+    ----------
+    restitution : scalar or array_like
+        e, dimensionless, from 0 to 1.
+    """
+    e = restitution
+    steep = (1 + e) * (1 + 3 * e)
+    return FlowClosures(
+        pressure=(1 + e) / 60,
+        viscosity=(1 + e) / 10,
+        work_along=(1 + e) / 5 - 3 * (1 + e) ** 2 / 28,
+        work_across=-3 * (1 + e) ** 2 / 70,
+        work=(1 + e) * (1 - 3 * e) / 60,
+        heating_along=steep / 28,
+        heating=steep / 20,
+        lost_work=-(1 - e**2) / 40,
+        lost_heating=3 * (1 - e**2) / 40,
+    )
+
+
 def third_moment(
     production: Any,
     production_traces: Any,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import InputError, nearest
-from triboflux.hierarchy import MODELS, carries_trace
+from triboflux.hierarchy import FLOW, MODELS, carries_trace
 from triboflux.models.coefficients import (
     TransportCoefficients,
     transport_coefficients,
@@ -15,13 +15,14 @@ from triboflux.models.full import full
 from triboflux.models.model import Model
 from triboflux.models.operators import Operator
 from triboflux.models.reduced import algebraic, collisional, gradient, semi_algebraic
-from triboflux.models.self_consistent import self_consistent
+from triboflux.models.self_consistent import self_consistent, self_consistent_flow
 from triboflux.models.terms import Product, Term, evaluate
 from triboflux.models.third_order import third_order
 from triboflux.models.varying import TEMPERATURE, LocalCoefficients
 from triboflux.numbers import Numbers
 
 REGISTRY = {
+    "self-consistent-flow": self_consistent_flow,
     "self-consistent": self_consistent,
     "third-order": third_order,
     "full": full,
@@ -72,12 +73,16 @@ def build(
     Raises
     ------
     InputError
-        If the model or the set is unknown.
+        If the model or the set is unknown, or the model has fewer dimensions.
     """
     if name not in REGISTRY:
         raise InputError(
             f"model: '{name}' is not known; allowed are {', '.join(REGISTRY)}."
             f"{nearest(name, REGISTRY)}"
+        )
+    if dimensions > 1 and set(FLOW) <= set(MODELS[name].evolves):
+        raise InputError(
+            f"model: '{name}' is not allowed in {dimensions} dimensions; it knows one only."
         )
     if isinstance(closure_set, str):
         closure_set = closures.by_name(closure_set, numbers.restitution, exponent)

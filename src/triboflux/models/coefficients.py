@@ -212,6 +212,7 @@ def validity(
     }
     first, *_ = positive
     contained = {
+        "self-consistent-flow": tuple(positive),
         "self-consistent": tuple(positive),
         "third-order": tuple(positive),
         "full": tuple(positive),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools as ft
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -16,7 +17,7 @@ from jaxtyping import Array, Float
 from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.third_order import with_traces
-from triboflux.models.varying import OFF, TEMPERATURE, LocalCoefficients, speed
+from triboflux.models.varying import OFF, TEMPERATURE, VOLUME, LocalCoefficients, Place, speed
 from triboflux.realizability import TENSOR
 from triboflux.velocity_closures import TensorDispersion, flight_dispersion, velocity_closures
 
@@ -58,7 +59,7 @@ class TemperatureCoefficients(NamedTuple):
 
 
 def temperature_coefficients(
-    local: LocalCoefficients, granular_temperature: Array | None
+    local: LocalCoefficients, place: Place | None
 ) -> TemperatureCoefficients:
     """Return the coefficients of the equations of R_ij and Θ at a granular temperature.
 
@@ -66,13 +67,14 @@ def temperature_coefficients(
     ----------
     local : LocalCoefficients
         Of the case.
-    granular_temperature : Array or None
-        On the points, scaled by that of the numbers, which ``None`` stands for.
+    place : Place or None
+        Granular temperature and density on the points; ``None`` stands for those of the numbers.
     """
     n = local.numbers
     closures = velocity_closures(n.restitution)
-    rate = (1.0 if granular_temperature is None else speed(granular_temperature)) / n.tau_c
-    dense = _density_number(local)
+    rate, dense = 1.0 / n.tau_c, density_number(local)
+    if place is not None:
+        rate, dense = speed(place.temperature) * place.density / n.tau_c, dense * place.density
     return TemperatureCoefficients(
         isotropy=closures.isotropy * rate,
         cooling=closures.cooling * rate,
@@ -86,8 +88,8 @@ def temperature_coefficients(
     )
 
 
-def _density_number(local: LocalCoefficients) -> Any:
-    """Return √π d/(√Θ τ_c), which is 24 α g0 of a suspension."""
+def density_number(local: LocalCoefficients) -> Any:
+    """Return √π d/(√Θ τ_c) at the first density, which is 24 α g0 of a suspension."""
     return math.sqrt(math.pi) / (local.numbers.length_ratio * local.numbers.tau_c)
 
 
@@ -107,8 +109,16 @@ def deviator(tensor: Float[Array, "d d *x"], temperature: Float[Array, "*x"]) ->
     )
 
 
-def conduction_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:
-    """Return −∂_k F_ijk, linear around R_ij = δ_ij, and what the local Θ and R_ij change."""
+def conduction_terms(local: LocalCoefficients, *, moving: bool = False) -> tuple[t.Term, ...]:
+    """Return −∂_k F_ijk, linear around R_ij = δ_ij, and what the local Θ and R_ij change.
+
+    Parameters
+    ----------
+    local : LocalCoefficients
+        Of the case.
+    moving : bool
+        As for `triboflux.models.varying.varying`.
+    """
     n = local.numbers
     closures = velocity_closures(n.restitution)
     flight = flight_dispersion(
@@ -116,7 +126,7 @@ def conduction_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:
         temperature=1.0,
         collision_rate=1.0 / n.tau_c,
         drag_rate=1.0 / n.tau_p,
-        density_number=_density_number(local),
+        density_number=density_number(local),
     )
     passed = closures.transfer.times(1.0 / (n.tau_c * n.length_ratio**2))
     off = [
@@ -131,8 +141,8 @@ def conduction_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:
             (local,),
         )
         for moment, operator, product in (
-            (TENSOR, o.DIVERGENCE_OF_THIRD, HEAT_FLUX_EXCESS),
-            (TEMPERATURE, o.DIVERGENCE, TRACE_OF_HEAT_FLUX_EXCESS),
+            (TENSOR, o.DIVERGENCE_OF_THIRD, _excess_of(HEAT_FLUX, moving)),
+            (TEMPERATURE, o.DIVERGENCE, _excess_of(TRACE_OF_HEAT_FLUX, moving)),
         )
     ]
     return (
@@ -193,8 +203,8 @@ def _heat_flux(
     )
     passed_trace = 7.0 * divergence + 3.5 * trace_slope
     return (
-        third + c.flux_shift * (third + 0.5 * _cyclic(trace)) - t.times(c.transfer, passed),
-        trace * (1.0 + 3.5 * c.flux_shift) - t.times(c.transfer, passed_trace),
+        third + t.times(c.flux_shift, third + 0.5 * _cyclic(trace)) - t.times(c.transfer, passed),
+        t.times(1.0 + 3.5 * c.flux_shift, trace) - t.times(c.transfer, passed_trace),
     )
 
 
@@ -210,19 +220,39 @@ def _isotropic(vector: Float[Array, "d *x"]) -> Float[Array, "d d d *x"]:
 
 
 def _heat_flux_excess(
-    tensor: Array, temperature: Array, gradient: Array, slope: Array, local: LocalCoefficients
+    tensor: Array, temperature: Array, gradient: Array, slope: Array, *given: Any
 ) -> tuple[Array, Array]:
-    """Return by what F_ijk and F_mmk differ from their linear forms around R_ij = δ_ij."""
-    here, first = (temperature_coefficients(local, at) for at in (temperature, None))
-    flux, trace = _heat_flux(tensor, temperature, gradient, slope, here)
+    """Return by what F_ijk and F_mmk differ from their linear forms around R_ij = δ_ij.
+
+    Last come the volume per particle, where particles move, and the case's coefficients. Then
+    derivatives are by m, and the fluxes those through a point that moves along.
+    """
+    *volumes, local = given
+    place = Place.of(temperature, *volumes)
+    here, first = (temperature_coefficients(local, at) for at in (place, None))
+    along_x = t.times(place.density, gradient), t.times(place.density, slope)
+    flux, trace = _heat_flux(tensor, temperature, *along_x, here)
+    flux, trace = t.times(place.density, flux), t.times(place.density, trace)
     one = jnp.ones_like(temperature)
     unit = deviator(jnp.zeros_like(tensor), -one)
     linear, linear_trace = _heat_flux(unit, one, gradient, slope, first)
     return flux - linear, trace - linear_trace
 
 
-_EXCESS = t.Shared((*STATE, TENSOR_GRADIENT, TEMPERATURE_GRADIENT), _heat_flux_excess)
-HEAT_FLUX_EXCESS = t.Product("F, off the first temperature", (_EXCESS,), lambda f, _: f[0])
-TRACE_OF_HEAT_FLUX_EXCESS = t.Product(
-    "tr F/3, off the first temperature", (_EXCESS,), lambda f, _: f[1] / 3.0
-)
+def _third_of_trace(fluxes: tuple[Array, Array], _: LocalCoefficients) -> Array:
+    return fluxes[1] / 3.0
+
+
+def _tensor(fluxes: tuple[Array, Array], _: LocalCoefficients) -> Array:
+    return fluxes[0]
+
+
+HEAT_FLUX = ("F", _tensor)
+TRACE_OF_HEAT_FLUX = ("tr F/3", _third_of_trace)
+
+
+def _excess_of(flux: tuple[str, Callable[..., Array]], moving: bool) -> t.Product:
+    """Return by what a flux differs from its linear form, as a product."""
+    name, chosen = flux
+    state = (*STATE, TENSOR_GRADIENT, TEMPERATURE_GRADIENT, *((VOLUME,) if moving else ()))
+    return t.Product(f"{name}{OFF}", (t.Shared(state, _heat_flux_excess),), chosen)

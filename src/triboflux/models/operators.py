@@ -36,6 +36,8 @@ class Operator:
         ``(discretisation, representation) -> representation``.
     traceless : Callable
         |k| -> factor between traceless transverse tensors.
+    derivatives : int
+        How many it takes.
     """
 
     name: str
@@ -43,6 +45,7 @@ class Operator:
     transverse: Symbol
     apply: Callable[[Discretisation, Array], Array]
     traceless: Symbol = jnp.zeros_like
+    derivatives: int = 0
 
     @property
     def symbols(self) -> tuple[Symbol, ...]:
@@ -82,23 +85,34 @@ LAPLACIAN = Operator(
     lambda k: -(k**2),
     lambda d, f: d.laplacian(f),
     lambda k: -(k**2),
+    derivatives=2,
 )
-GRADIENT = Operator("∇", lambda k: -k, _zero, lambda d, f: d.gradient(f))
-DIVERGENCE = Operator("∇·", lambda k: k, _zero, lambda d, f: d.divergence(f))
+GRADIENT = Operator("∇", lambda k: -k, _zero, lambda d, f: d.gradient(f), derivatives=1)
+DIVERGENCE = Operator("∇·", lambda k: k, _zero, lambda d, f: d.divergence(f), derivatives=1)
 GRADIENT_OF_DIVERGENCE = Operator(
-    "∇∇·", lambda k: -(k**2), _zero, lambda d, f: d.gradient(d.divergence(f))
+    "∇∇·", lambda k: -(k**2), _zero, lambda d, f: d.gradient(d.divergence(f)), derivatives=2
 )
 ELECTRIC_FIELD = Operator("E", _inverse, _zero, lambda d, f: d.electric_field(f))
 FIELD_DIVERGENCE = Operator(
-    "∇·E", lambda k: jnp.where(k > 0.0, 1.0, 0.0), _zero, lambda d, f: d.without_mean(f)
+    "∇·E",
+    lambda k: jnp.where(k > 0.0, 1.0, 0.0),
+    _zero,
+    lambda d, f: d.without_mean(f),
+    derivatives=1,
 )
 DIVERGENCE_OF_TENSOR = Operator(
-    "∇·", lambda k: -k, lambda k: k, lambda d, f: _rows(d.divergence, f)
+    "∇·", lambda k: -k, lambda k: k, lambda d, f: _rows(d.divergence, f), derivatives=1
 )
-SYMMETRIC_GRADIENT = Operator("∇ + ∇ᵀ", lambda k: 2.0 * k, lambda k: -k, _symmetric_gradient)
+SYMMETRIC_GRADIENT = Operator(
+    "∇ + ∇ᵀ", lambda k: 2.0 * k, lambda k: -k, _symmetric_gradient, derivatives=1
+)
 ISOTROPIC = Operator("δ", jnp.ones_like, _zero, lambda d, f: _isotropic(f, d.grid.dimensions))
 ISOTROPIC_DIVERGENCE = Operator(
-    "δ ∇·", lambda k: k, _zero, lambda d, f: _isotropic(d.divergence(f), d.grid.dimensions)
+    "δ ∇·",
+    lambda k: k,
+    _zero,
+    lambda d, f: _isotropic(d.divergence(f), d.grid.dimensions),
+    derivatives=1,
 )
 
 
@@ -120,6 +134,7 @@ def composed(outer: Operator, inner: Operator) -> Operator:
         after(outer.transverse, inner.transverse),
         lambda d, f: outer.apply(d, inner.apply(d, f)),
         after(outer.traceless, inner.traceless),
+        outer.derivatives + inner.derivatives,
     )
 
 
@@ -142,13 +157,21 @@ DIVERGENCES = {
 """The divergence of what an operator makes."""
 
 DIVERGENCE_OF_THIRD = Operator(
-    "∇·", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.divergence, row), f)
+    "∇·",
+    _zero,
+    _zero,
+    lambda d, f: _rows(lambda row: _rows(d.divergence, row), f),
+    derivatives=1,
 )
 """Of a tensor of rank three, over its last direction; only products are of that rank."""
-GRADIENT_OF_VECTOR = Operator("∇", _zero, _zero, lambda d, f: _rows(d.gradient, f))
+GRADIENT_OF_VECTOR = Operator("∇", _zero, _zero, lambda d, f: _rows(d.gradient, f), derivatives=1)
 """∂_j C_i at row i, column j, for products to read."""
 GRADIENT_OF_TENSOR = Operator(
-    "∇", _zero, _zero, lambda d, f: _rows(lambda row: _rows(d.gradient, row), f)
+    "∇",
+    _zero,
+    _zero,
+    lambda d, f: _rows(lambda row: _rows(d.gradient, row), f),
+    derivatives=1,
 )
 """∂_k R_ij at i, j, k, for products to read."""
 GRADIENT_OF_TENSOR_DIVERGENCE = composed(SYMMETRIC_GRADIENT, DIVERGENCE_OF_TENSOR)

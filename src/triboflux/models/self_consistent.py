@@ -30,10 +30,11 @@ from triboflux.models.conduction import (
     deviator,
     temperature_coefficients,
 )
+from triboflux.models.flow import flow_terms
 from triboflux.models.model import Model
 from triboflux.models.products import symmetric
 from triboflux.models.third_order import carried_charge_terms, third_order, with_traces
-from triboflux.models.varying import TEMPERATURE, LocalCoefficients, varying
+from triboflux.models.varying import TEMPERATURE, LocalCoefficients, Place, varying
 
 COVARIANCE_GRADIENT = t.Applied(o.GRADIENT_OF_VECTOR, "covariance")
 
@@ -105,14 +106,14 @@ TRACES = {
 # ------------------------------------------------------------------ equations
 
 
-def _third_order(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
+def _third_order(local: LocalCoefficients, place: Place | None) -> tuple[t.Term, ...]:
     """Return the equations of the third-order model, which take R_ij for Θ δ_ij."""
-    return third_order(local.at(temperature)).terms
+    return third_order(local.at(place)).terms
 
 
-def _anisotropic(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
+def _anisotropic(local: LocalCoefficients, place: Place | None) -> tuple[t.Term, ...]:
     """Return what R_ij − Θ δ_ij and gradients of R_ij add to these."""
-    c = local.at(temperature)
+    c = local.at(place)
     destruction = c.variance_flux_destruction
     covariance, variance = t.maker("covariance"), t.maker("variance")
     tensor = t.maker("covariance_flux")
@@ -158,9 +159,9 @@ def _anisotropic(local: LocalCoefficients, temperature: Array | None) -> tuple[t
     )
 
 
-def _temperature(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
+def _temperature(local: LocalCoefficients, place: Place | None) -> tuple[t.Term, ...]:
     """Return the equations of R_ij and Θ but for conduction by flight."""
-    c, term = temperature_coefficients(local, temperature), t.maker(TENSOR)
+    c, term = temperature_coefficients(local, place), t.maker(TENSOR)
     return with_traces(
         term("heating by the field", "heating", o.IDENTITY, COVARIANCE_BY_FIELD, c.electric_force),
         term("return to isotropy", "return to isotropy", o.IDENTITY, TENSOR, -c.isotropy),
@@ -171,14 +172,14 @@ def _temperature(local: LocalCoefficients, temperature: Array | None) -> tuple[t
     )
 
 
-def _energy(local: LocalCoefficients, temperature: Array | None) -> tuple[t.Term, ...]:
+def _energy(local: LocalCoefficients, place: Place | None) -> tuple[t.Term, ...]:
     """Return the equation of the energy that is lost.
 
     Charge that moves along the field takes energy from it; what the velocities do not get of it is
     lost, as what collisions and drag take from them.
     """
-    c = local.at(temperature)
-    own, term = temperature_coefficients(local, temperature), t.maker("dissipated_energy")
+    c = local.at(place)
+    own, term = temperature_coefficients(local, place), t.maker("dissipated_energy")
     by_field = "work of the field"
     works: list[t.Term] = []
     for moved in carried_charge_terms(c):
@@ -205,7 +206,26 @@ def self_consistent(local: LocalCoefficients) -> Model:
     local : LocalCoefficients
         Of the case.
     """
+    return Model(
+        "self-consistent", MODELS["self-consistent"].evolves, _terms(local), local.at(None)
+    )
+
+
+def self_consistent_flow(local: LocalCoefficients) -> Model:
+    """Return the self-consistent model with a mean velocity and a number density of its own.
+
+    Parameters
+    ----------
+    local : LocalCoefficients
+        Of the case, which has one dimension.
+    """
+    name = "self-consistent-flow"
+    terms = (*_terms(local, moving=True), *flow_terms(local))
+    return Model(name, MODELS[name].evolves, terms, local.at(None))
+
+
+def _terms(local: LocalCoefficients, *, moving: bool = False) -> tuple[t.Term, ...]:
+    """Return the terms of both models, for a mean velocity of zero or along with it."""
     builders = (_third_order, _anisotropic, _temperature, _energy)
-    varied = [term for builder in builders for term in varying(builder, local)]
-    terms = (*varied, *conduction_terms(local))
-    return Model("self-consistent", MODELS["self-consistent"].evolves, terms, local.at(None))
+    varied = [term for builder in builders for term in varying(builder, local, moving=moving)]
+    return (*varied, *conduction_terms(local, moving=moving))

@@ -1,8 +1,13 @@
-"""Coefficients that follow a granular temperature which varies from place to place.
+"""Coefficients that follow a granular temperature, and a density, that vary from place to place.
 
-The lists of terms of the other models hold for one granular temperature. Here each of their terms
-becomes the same one with the coefficient of the local Θ: what it is at Θ = 1 stays a linear term,
-which the integrator takes exactly, and the rest is a product.
+The lists of terms of the other models hold for one granular temperature and one number density.
+Here each of their terms becomes the same one with the coefficient of the local Θ: what it is at
+Θ = 1 stays a linear term, which the integrator takes exactly, and the rest is a product.
+
+Where particles move, x in these terms is the coordinate m that moves with their mean velocity in
+one dimension, dm = n dx with n scaled by its mean: a derivative ∂/∂x is n ∂/∂m, the divergence of a
+flux F per particle, (1/n) ∂(nF)/∂x, is ∂(nF)/∂m, and ∂E/∂x = nQ is ∂E/∂m = Q, so that the field
+stays linear in the charge. Only its mean over x instead of m has to be taken off.
 """
 
 from __future__ import annotations
@@ -27,12 +32,15 @@ from triboflux.numbers import Numbers
 Scalar: TypeAlias = float | Float[Array, ""]
 
 TEMPERATURE = "granular_temperature"
-OFF = ", off the first temperature"
-"""Ends the name of a term that is what another lacks where Θ is not one."""
+VOLUME = "specific_volume"
+OFF = ", off the first state"
+"""Ends the name of a term that is what another lacks where Θ or n is not one."""
 CONSERVED = ("charge", "variance")
 """Moments that gradients only move from place to place."""
 _COLDEST = 1e-12
 """Granular temperature below which coefficients do not fall, so that powers of it stay finite."""
+_SMALLEST = 1e-6
+"""Volume per particle below which its inverse does not rise."""
 _NEVER = 1e100
 """Stands for an infinite collision time, whose products with absent mechanisms vanish."""
 
@@ -62,6 +70,31 @@ class _Closures(eqx.Module):
     @property
     def complete(self) -> bool:
         return self.name == "complete"
+
+
+class Place(NamedTuple):
+    """What coefficients depend on, on the points.
+
+    Attributes
+    ----------
+    temperature : Array
+        Θ, scaled by that of the numbers.
+    density : Array or float
+        n, scaled by that of the numbers.
+    """
+
+    temperature: Any
+    density: Any = 1.0
+
+    @classmethod
+    def of(cls, temperature: Array, volume: Array | None = None) -> Place:
+        """Return it from the granular temperature and the volume per particle, if that varies."""
+        return cls(temperature) if volume is None else cls(temperature, density_of(volume))
+
+
+def density_of(volume: Float[Array, "*x"]) -> Float[Array, "*x"]:
+    """Return n, also where a truncated series of the volume falls below zero."""
+    return 1.0 / jnp.maximum(volume, _SMALLEST)
 
 
 class LocalCoefficients(eqx.Module):
@@ -103,20 +136,25 @@ class LocalCoefficients(eqx.Module):
             trace_dimensions,
         )
 
-    def at(self, granular_temperature: Float[Array, "*x"] | None) -> TransportCoefficients:
-        """Return the coefficients on points with these granular temperatures.
+    def at(self, place: Place | None) -> TransportCoefficients:
+        """Return the coefficients on points with these granular temperatures and densities.
 
         Parameters
         ----------
-        granular_temperature : Array or None
-            Scaled by that of the numbers, which ``None`` stands for.
+        place : Place or None
+            ``None`` stands for the granular temperature and density of the numbers. Collisions are
+            as many more as particles: the radial distribution is held.
         """
         numbers: Any = self.numbers
         closures: Any = self.closures
         velocity: Any = 1.0
-        if granular_temperature is not None:
-            numbers = numbers._replace(tau_c=jnp.minimum(numbers.tau_c, _NEVER))
-            velocity = speed(granular_temperature)
+        if place is not None:
+            numbers = numbers._replace(
+                tau_c=jnp.minimum(numbers.tau_c, _NEVER) / place.density,
+                peclet=numbers.peclet / place.density,
+                tau_sigma=numbers.tau_sigma / place.density,
+            )
+            velocity = speed(place.temperature)
         n_t = self.trace_dimensions
         return transport_coefficients(numbers, closures, n_t, n_t, velocity)
 
@@ -127,43 +165,94 @@ def speed(granular_temperature: Float[Array, "*x"]) -> Float[Array, "*x"]:
 
 
 Builder: TypeAlias = Callable[[LocalCoefficients, Any], tuple[t.Term, ...]]
-"""Makes terms for a granular temperature, ``None`` being that of the numbers."""
+"""Makes terms for a `Place`, ``None`` being the granular temperature and density of the numbers."""
+
+
+class _Found(NamedTuple):
+    """What the terms of a builder share on the points.
+
+    Attributes
+    ----------
+    here, first : tuple
+        The coefficients of all terms, and those at Θ = n = 1.
+    density, volume : Array or None
+        n and 1/n, where particles move.
+    """
+
+    here: tuple[Any, ...]
+    first: tuple[Any, ...]
+    density: Any
+    volume: Any
+
+    def stretch(self, derivatives: int) -> Any:
+        """Return what turns so many derivatives by m into those by x."""
+        return 1.0 if self.density is None or not derivatives else self.density**derivatives
+
+    def along_x(self, derivatives: int | None, field: Array) -> Array:
+        """Return a field that was made by derivatives by m as if they were by x.
+
+        ``None`` derivatives tell the electric field.
+        """
+        if self.density is None:
+            return field
+        if derivatives is None:
+            return centred(field, self.volume)
+        return t.times(self.stretch(derivatives), field) if derivatives else field
+
+
+def centred(field: Float[Array, "... x"], volume: Float[Array, " x"]) -> Float[Array, "... x"]:
+    """Return a field less its mean over x, on points that are equally spaced in m."""
+    return field - jnp.mean(t.times(volume, field), axis=-1, keepdims=True)
 
 
 class _CoefficientsOf(NamedTuple):
-    """The coefficients of a builder's terms on the points, and by what they exceed those at one."""
+    """Finds what the terms of a builder share."""
 
     builder: Builder
 
-    def __call__(
-        self, temperature: Array, local: LocalCoefficients
-    ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        pairs = zip(self.builder(local, temperature), self.builder(local, None), strict=True)
-        found = [(here.coefficient, one.coefficient) for here, one in pairs]
-        return tuple(here for here, _ in found), tuple(here - one for here, one in found)
+    def __call__(self, temperature: Array, *given: Any) -> _Found:
+        *volumes, local = given
+        volume = volumes[0] if volumes else None
+        place = Place.of(temperature, volume)
+        here, first = (
+            tuple(term.coefficient for term in self.builder(local, at)) for at in (place, None)
+        )
+        return _Found(here, first, None if volume is None else place.density, volume)
 
 
 class _Excess(NamedTuple):
-    """By what a linear term differs from the same one at Θ = 1."""
+    """By what a linear term differs from the same one at Θ = n = 1."""
 
     place: int
+    outer: int
+    inner: int | None
 
-    def __call__(self, field: Array, found: Any, local: LocalCoefficients) -> Array:
-        return t.times(found[1][self.place], field)
+    def __call__(self, field: Array, found: _Found, local: LocalCoefficients) -> Array:
+        here = found.here[self.place] * found.stretch(self.outer + (self.inner or 0))
+        excess = t.times(here - found.first[self.place], field)
+        if self.inner is None:
+            excess = excess + t.times(here, found.along_x(None, field) - field)
+        return excess
 
 
 class _Local(NamedTuple):
     """A product with a coefficient that depends on place."""
 
     place: int
+    outer: int
+    inner: tuple[int | None, ...]
     function: Callable[..., Array]
 
     def __call__(self, *fields: Any) -> Array:
         *factors, found, _ = fields
-        return t.times(found[0][self.place], self.function(*factors))
+        factors = [found.along_x(*pair) for pair in zip(self.inner, factors, strict=True)]
+        here = found.here[self.place] * found.stretch(self.outer)
+        return t.times(here, self.function(*factors))
 
 
-def varying(builder: Builder, local: LocalCoefficients) -> tuple[t.Term, ...]:
+def varying(
+    builder: Builder, local: LocalCoefficients, *, moving: bool = False
+) -> tuple[t.Term, ...]:
     """Return terms whose coefficients follow the granular temperature.
 
     Parameters
@@ -172,32 +261,65 @@ def varying(builder: Builder, local: LocalCoefficients) -> tuple[t.Term, ...]:
         Makes the terms; at the top of a module, as programs are compiled for what it is.
     local : LocalCoefficients
         Of the case.
+    moving : bool
+        Whether particles move and are as dense as that makes them; in one dimension.
     """
     result: list[t.Term] = []
     closures = local.closures
     which = _vary(builder, closures.name, tuple(closures.values), local.trace_dimensions)
     for index, (term, varies) in enumerate(zip(builder(local, None), which, strict=True)):
-        if not varies:
+        if not (varies or (moving and _stretches(term))):
             result.append(term)
         elif isinstance(term.source, t.Product):
-            result.append(_local(builder, index, term, term.source, local))
+            result.append(_local(builder, index, term, term.source, local, moving))
         else:
-            result += [term, _excess(builder, index, term, term.source, local)]
+            result += [term, _excess(builder, index, term, term.source, local, moving)]
     return tuple(result)
 
 
-def _shared(builder: Builder) -> t.Shared:
-    return t.Shared((TEMPERATURE,), _CoefficientsOf(builder))
+def _shared(builder: Builder, moving: bool) -> t.Shared:
+    return t.Shared((TEMPERATURE, VOLUME) if moving else (TEMPERATURE,), _CoefficientsOf(builder))
+
+
+def _derivatives(read: str | t.Applied | t.Shared) -> int | None:
+    """Return how many derivatives by x a field that is read has, ``None`` for the electric field.
+
+    What products share has none.
+    """
+    if not isinstance(read, t.Applied):
+        return 0
+    return None if read.operator is o.ELECTRIC_FIELD else read.operator.derivatives
+
+
+def _stretches(term: t.Term) -> bool:
+    """Return whether a term is another one along m than along x."""
+    reads = term.source.reads if isinstance(term.source, t.Product) else ()
+    within = any(_derivatives(read) != 0 for read in reads)
+    return within or term.operator is o.ELECTRIC_FIELD or term.operator.derivatives > 0
+
+
+def _parts(term: t.Term, moving: bool) -> tuple[o.Operator, o.Operator]:
+    """Return what acts on a flux, and what makes that of the source."""
+    if term.moment in CONSERVED and term.operator in o.FLUXES:
+        return o.FLUXES[term.operator]
+    if moving and term.operator is o.DIVERGENCE_OF_TENSOR:
+        return term.operator, o.IDENTITY
+    return o.IDENTITY, term.operator
 
 
 def _excess(
-    builder: Builder, index: int, term: t.Term, source: str, local: LocalCoefficients
+    builder: Builder,
+    index: int,
+    term: t.Term,
+    source: str,
+    local: LocalCoefficients,
+    moving: bool,
 ) -> t.Term:
-    """Return what a linear term lacks where Θ is not one."""
-    whole = (o.IDENTITY, term.operator)
-    outer, inner = o.FLUXES.get(term.operator, whole) if term.moment in CONSERVED else whole
+    """Return what a linear term lacks where Θ or n is not one."""
+    outer, inner = _parts(term, moving)
     read = source if inner is o.IDENTITY else t.Applied(inner, source)
-    product = t.Product(f"off Θ = 1: {inner.name}", (read, _shared(builder)), _Excess(index))
+    function = _Excess(index, outer.derivatives, _derivatives(read))
+    product = t.Product(f"off Θ = 1: {inner.name}", (read, _shared(builder, moving)), function)
     return replace(
         term,
         name=f"{term.name}{OFF}",
@@ -209,12 +331,17 @@ def _excess(
 
 
 def _local(
-    builder: Builder, index: int, term: t.Term, source: t.Product, local: LocalCoefficients
+    builder: Builder,
+    index: int,
+    term: t.Term,
+    source: t.Product,
+    local: LocalCoefficients,
+    moving: bool,
 ) -> t.Term:
-    """Return a product whose coefficient follows Θ."""
-    product = t.Product(
-        source.name, (*source.reads, _shared(builder)), _Local(index, source.function)
-    )
+    """Return a product whose coefficient follows Θ and n."""
+    inner = tuple(map(_derivatives, source.reads))
+    function = _Local(index, term.operator.derivatives, inner, source.function)
+    product = t.Product(source.name, (*source.reads, _shared(builder, moving)), function)
     return replace(term, source=product, coefficient=1.0, parameters=(local,))
 
 
@@ -225,7 +352,7 @@ def _vary(builder: Builder, name: str, names: tuple[str, ...], trace_dimensions:
     values = {name: 0.37 + 0.01 * i for i, name in enumerate(names)}
     probe = LocalCoefficients(some, _Closures(name, 0.8, values), trace_dimensions)
     with jax.ensure_compile_time_eval():
-        lists = [builder(probe, theta) for theta in (None, jnp.asarray(0.5))]
+        lists = [builder(probe, place) for place in (None, Place(jnp.asarray(0.5)))]
         return [
             not math.isclose(float(one.coefficient), float(other.coefficient), rel_tol=1e-9)
             for one, other in zip(*lists, strict=True)
