@@ -15,6 +15,7 @@ from tests.cases import NUMBERS
 from tests.fields import (
     CASE_B,
     EVERYTHING,
+    PAPER,
     by_fourier,
     fourier_rates,
     full_model,
@@ -457,3 +458,26 @@ def test_what_does_not_know_the_set_says_so():
     advice = advise(numbers, "complete")
     assert advice.model == "full"
     assert "it has no runs with the complete closures" in advice.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("tau_c", "model", "energy_ratio", "said"),
+    [
+        (0.1, "full", 300.0, True),
+        (0.05, "full", 300.0, False),
+        (0.1, "full", 0.0, False),
+        (0.1, "third-order", 300.0, False),
+    ],
+)
+def test_a_closed_flux_that_turns_the_force_round_is_told(tau_c, model, energy_ratio, said):
+    numbers = PAPER | {"tau_c": tau_c, "energy_ratio": energy_ratio}
+    built = full_model(numbers, "complete", name=model)
+    warnings = models.validity(built.coefficients, closures.complete(1.0), model_name=model)
+    assert any("of the electric force" in text for text in warnings) == said
+    if said:
+        # 2 ∂_x(E ∂_xV) in one dimension, of both products
+        found = {term.name: float(term.coefficient) for term in built.terms}
+        names = ("dispersion by electric force", "dispersion by trace of the electric force")
+        taken = 2.0 * sum(found[name] for name in names) / energy_ratio
+        assert float(built.coefficients.force_taken_back) == pytest.approx(taken, rel=1e-12)
+        assert taken * (2.0 * np.pi) ** 2 == pytest.approx(1.31, abs=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeAlias
 
 import equinox as eqx
@@ -12,6 +13,11 @@ from triboflux.dropped_rates import DroppedRates, scaled_dropped_rates
 from triboflux.errors import OutOfRangeError
 from triboflux.hierarchy import MODELS
 from triboflux.rates import scaled_rates, transfer_warnings
+
+LONGEST_WAVE = 2.0 * math.pi
+"""Wave number of what varies over L."""
+MOST_TAKEN_BACK = 0.5
+"""Of the electric force by the closed flux of the covariance, for the longest wave."""
 
 Scalar: TypeAlias = float | Float[Array, "..."]
 """One number, or one for each point where the granular temperature varies."""
@@ -87,6 +93,22 @@ class TransportCoefficients(eqx.Module):
     transferred_fraction: Scalar
     granular_temperature: Scalar = 1.0
     dropped: DroppedRates | None = None
+
+    @property
+    def variance_flux_production(self) -> Scalar:
+        """By what -∂_i V produces N_i, for R_ij = Θ δ_ij, with collisions where they do so."""
+        collisional = 0.0 if self.dropped is None else self.dropped.variance_flux_gradient
+        return self.granular_temperature + collisional
+
+    @property
+    def force_taken_back(self) -> Scalar:
+        """Part of the force u E V on C that a closed T_ij takes back, over squared wave numbers.
+
+        The wave is one of V along E; T_xx = 2 u E N_x (1 − K2/(K1 + 3 K2))/K1.
+        """
+        flux = self.variance_flux_production / self.variance_flux_destruction
+        coupling = self.third_moment_coupling / self.third_moment_trace
+        return 2.0 * flux * (1.0 - coupling) / self.third_moment
 
     @property
     def longitudinal_dispersion(self) -> Scalar:
@@ -175,6 +197,18 @@ def covariance_destroys_variance(dropped: DroppedRates) -> bool:
     return float(dropped.variance_covariance_destruction) >= 0.0
 
 
+def _closed_force_warnings(c: TransportCoefficients) -> list[str]:
+    """Say so if the closed T_ij of `complete` answers more to the electric force than it can."""
+    taken = float(c.force_taken_back) * LONGEST_WAVE**2
+    if c.dropped is None or not float(c.electric_force) > 0.0 or taken <= MOST_TAKEN_BACK:
+        return []
+    return [
+        f"the closed flux of the covariance takes back {taken:.0%} of the electric force on a "
+        "variance that varies over L, and more over shorter lengths: collisions are too rare for "
+        "it, so take the third-order model."
+    ]
+
+
 def validity(
     coefficients: TransportCoefficients,
     closure_set: ClosureSet,
@@ -237,6 +271,8 @@ def validity(
             f"γΘ^(a/2) = {fraction:.4g}: collisions are so strong that the squared covariance "
             "produces variance instead of destroying it."
         )
+    if model_name == "full":
+        warnings += _closed_force_warnings(c)
     if has_variance and (growth > 0.0 or (growth == 0.0 and fraction > 0.0)):
         origin = (
             "because the printed λ' = 12 is inverted"

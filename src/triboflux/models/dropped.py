@@ -69,10 +69,7 @@ def _terms(
 
 def variance_flux(c: TransportCoefficients) -> Scalar:
     """Return by what -∂_i V makes N_i, the collisional part of its production included."""
-    produced = c.granular_temperature
-    if c.dropped is not None:
-        produced = produced + c.dropped.variance_flux_gradient
-    return produced / c.variance_flux_destruction
+    return c.variance_flux_production / c.variance_flux_destruction
 
 
 def _closed_vectors(c: TransportCoefficients) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
