@@ -12,6 +12,7 @@ import pytest
 from scipy.linalg import expm
 
 import triboflux
+from benchmarks import variance_flux
 from benchmarks.kinetic_beyond import beyond
 from benchmarks.kinetic_particles import Setting
 from tests.cases import NUMBERS, fake_result
@@ -314,6 +315,21 @@ def test_stop_times_without_a_field_are_those_of_particles():
         assert abs(found / particles - 1.0) < 0.05
     closed = float(triboflux.solve(relaxation(0.2, "full")).dataset["time"][-1])
     assert closed / PARTICLES[0.2] - 1.0 > 0.8
+
+
+def test_a_flux_of_the_variance_with_an_equation_of_its_own():
+    # closed it is the model's; transported it is that where collisions are frequent, and not beyond
+    for tau_c, same in ((1e-3, True), (0.1, False)):
+        equations = beyond(Setting(tau_c, 1e6, 192.0, dilute=True), "derived", False)
+        time = equations.setting.expected_time()
+        _, moments = equations.at(time)
+        closed, transported = (
+            variance_flux.variance(equations, how, time)
+            for how in (variance_flux.CLOSED, variance_flux.TRANSPORTED)
+        )
+        np.testing.assert_allclose(closed, moments["variance"], rtol=1e-6)
+        apart = np.linalg.norm(transported - closed) / np.linalg.norm(closed)
+        assert (apart < 1e-3) if same else (apart > 0.1)
 
 
 PLANE = {
