@@ -28,6 +28,8 @@ from triboflux.errors import InputError
 if TYPE_CHECKING:
     import xarray as xr
 
+PAPERS_MODELS = MODEL_NAMES[MODEL_NAMES.index("full") :]
+"""Those of the paper; `benchmarks.kinetic_third_order` and `kinetic_fields` have the others."""
 FIELDS = ("charge", "covariance", "variance")
 _OUTPUTS = 3
 """Always as many, if there are not more, because another number is another compiled program."""
@@ -90,7 +92,7 @@ def errors_beside(prediction: Prediction, time: float, moments: Mapping[str, Rea
 
 
 def predictions(setting: Setting, at: float) -> dict[tuple[str, str], Prediction]:
-    """Return what all models with both closure sets say, and what else is known without a field.
+    """Return what the paper's models with both sets say, and what else is known without a field.
 
     Parameters
     ----------
@@ -106,7 +108,7 @@ def predictions(setting: Setting, at: float) -> dict[tuple[str, str], Prediction
     """
     found = {
         (model, name): predict(setting, model, name, at)
-        for model in MODEL_NAMES
+        for model in PAPERS_MODELS
         for name in PAPERS_EQUATIONS
     }
     if setting.energy_ratio == 0.0:

@@ -163,6 +163,7 @@ def test_scales_are_those_of_the_documentation():
         "temperature": VELOCITY**2,
         "covariance_flux": CHARGE * VELOCITY**2,
         "variance_flux": CHARGE**2 * VELOCITY,
+        "specific_volume": 1 / n,
     }
     assert vars(scales) == pytest.approx(expected, rel=1e-14, abs=0.0)
 

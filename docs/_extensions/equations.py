@@ -101,6 +101,8 @@ _LETTERS = {
     "granular_temperature_tensor": r"\mathbf{R}",
     "granular_temperature": r"\Theta",
     "dissipated_energy": "W",
+    "specific_volume": "1/n",
+    "mean_velocity": r"\mathbf{U}",
 }
 _VECTOR = {
     "E": r"\mathbf{E}",

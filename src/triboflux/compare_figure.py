@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from triboflux.comparison import Comparison
 
 LINES: dict[str, dict[str, Any]] = {
-    "self-consistent-flow": {"color": style.BROWN, "linestyle": (0, (2, 1, 8, 1))},
+    "self-consistent-flow": {"color": style.WINE, "linestyle": (0, (2, 1, 8, 1))},
     "self-consistent": {"color": style.BROWN, "linestyle": (0, (8, 2))},
     "third-order": {"color": style.ORANGE, "linestyle": (0, (6, 1.5, 1, 1.5, 1, 1.5))},
     "full": {"color": style.PURPLE, "linestyle": "-"},

@@ -15,8 +15,8 @@ from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.fields import tensor_of
 from triboflux.grid import Grid
-from triboflux.hierarchy import RANKS, components
-from triboflux.mass_coordinate import VOLUME, along_m, along_x
+from triboflux.hierarchy import RANKS, VOLUME, components
+from triboflux.mass_coordinate import along_m, along_x
 from triboflux.models.model import Model
 from triboflux.models.terms import evaluate
 from triboflux.moments import Moments

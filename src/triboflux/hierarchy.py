@@ -50,7 +50,8 @@ class Known(NamedTuple):
     closes: tuple[str, ...] = ()
 
 
-FLOW = ("specific_volume", "mean_velocity")
+VOLUME, VELOCITY = "specific_volume", "mean_velocity"
+FLOW = (VOLUME, VELOCITY)
 """Moments of a model whose particles move on average, which it knows in one dimension only."""
 
 MODELS = {

@@ -11,8 +11,8 @@ import numpy as np
 
 from triboflux.errors import InputError, shown_path
 from triboflux.fields import FIELDS
-from triboflux.hierarchy import MODELS, RANKS, components
-from triboflux.mass_coordinate import VOLUME, along_m
+from triboflux.hierarchy import MODELS, RANKS, VOLUME, components
+from triboflux.mass_coordinate import along_m
 from triboflux.scales import Scales
 
 if TYPE_CHECKING:
@@ -216,6 +216,12 @@ def _moments_of_file(case: Case, file: str) -> dict[str, NDArray[np.float64]]:
             for at in {place, place[::-1]}:
                 moments[moment][at] = values
     if VOLUME in MODELS[case.model].evolves:
+        if not moments[VOLUME].min() > 0.0:
+            raise InputError.about(
+                "initial.file",
+                f"{name}, whose last {VOLUME} falls to {moments[VOLUME].min():.6g}, but must be "
+                "positive everywhere",
+            )
         moments |= along_m(
             {name: moments[name] for name in MODELS[case.model].evolves}, case.grid.lengths[0]
         )

@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from triboflux.errors import TribofluxError
-from triboflux.hierarchy import FLOW
+from triboflux.hierarchy import VOLUME
 
 Reals = NDArray[np.float64]
 
-VOLUME, _ = FLOW
 _PRECISION = 1e-13
 """Of a position, in parts of the length."""
 _MOST_ITERATIONS = 200
@@ -41,11 +39,6 @@ def along_x(fields: Mapping[str, Any], length: float, volume: Any = None) -> dic
     -------
     dict of str to numpy.ndarray
         The same names, ``[..., x]``.
-
-    Raises
-    ------
-    TribofluxError
-        If the specific volume is not positive everywhere.
     """
     volume = np.asarray(fields[VOLUME] if volume is None else volume)
     ahead = _primitive(volume / volume.mean() - 1.0, length)
@@ -58,14 +51,9 @@ def along_m(fields: Mapping[str, Any], length: float) -> dict[str, Reals]:
     Parameters
     ----------
     fields : mapping
-        By name, ``[..., x]``, with ``specific_volume``.
+        By name, ``[..., x]``, with a positive ``specific_volume``.
     length : float
         Of the box, scaled by L.
-
-    Raises
-    ------
-    TribofluxError
-        If the specific volume is not positive everywhere.
     """
     density = 1.0 / np.asarray(fields[VOLUME])
     density /= density.mean()
@@ -95,10 +83,6 @@ def _inverse(slope: Reals, shift: Reals, length: float) -> Reals:
 
     Newton's method that a bracket holds, as the sum of waves rises everywhere.
     """
-    if not slope.min() > 0.0:
-        raise TribofluxError(
-            f"the specific volume falls to {slope.min():.3g} of its mean, where it must be positive"
-        )
     targets = np.arange(len(slope)) / len(slope)
     reach = float(np.abs(shift).max()) / length + 1.0 / len(slope)
     low, high = targets - reach, targets + reach
@@ -109,10 +93,10 @@ def _inverse(slope: Reals, shift: Reals, length: float) -> Reals:
         low, high = np.where(miss < 0.0, found, low), np.where(miss < 0.0, high, found)
         better = found - miss / steepness
         inside = (better > low) & (better < high) & (steepness > 0.0)
-        better = np.where(inside, better, 0.5 * (low + high))
-        if float(np.abs(better - found).max()) < _PRECISION:
+        step = np.where(inside, better, 0.5 * (low + high)) - found
+        found = found + step
+        if float(np.abs(step).max()) < _PRECISION:
             break
-        found = better
     return found
 
 

@@ -17,7 +17,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.dataset import build_dataset, stats_and_warnings
 from triboflux.files import require_writable
 from triboflux.grid import Grid
-from triboflux.hierarchy import FLOW, components
+from triboflux.hierarchy import VOLUME, components
 from triboflux.keeping import Keeper
 from triboflux.mass_coordinate import moved_along
 from triboflux.memory import require_memory
@@ -275,7 +275,7 @@ def observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str,
         The state.
     """
     observed = _observe(model, grid, coefficients)
-    return moved_along(observed, grid.lengths[0]) if FLOW[0] in model.evolves else observed
+    return moved_along(observed, grid.lengths[0]) if VOLUME in model.evolves else observed
 
 
 @eqx.filter_jit

@@ -37,7 +37,7 @@ COLUMN = 90.0
 # Okabe & Ito's colours, which the colour-blind tell apart.
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 BLUE, VERMILION, PURPLE, GREY = "#0072B2", "#D55E00", "#CC79A7", "0.6"
-BROWN = "#7A4B14"
+BROWN, WINE = "#7A4B14", "#882255"
 
 ZERO: dict[str, Any] = {"color": "0.85", "linewidth": 0.5, "zorder": 0}
 """Line at zero."""

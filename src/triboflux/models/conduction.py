@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from triboflux.hierarchy import VOLUME
 from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.third_order import with_traces
-from triboflux.models.varying import OFF, TEMPERATURE, VOLUME, LocalCoefficients, Place, speed
+from triboflux.models.varying import OFF, TEMPERATURE, LocalCoefficients, Place, speed
 from triboflux.realizability import TENSOR
 from triboflux.velocity_closures import TensorDispersion, flight_dispersion, velocity_closures
 

@@ -13,16 +13,15 @@ their viscosity. With the strain g = n ∂U/∂m,
     ∂C/∂t ∋ −g C,   ∂T_xx/∂t ∋ −2 g T_xx,   ∂R_xx/∂t ∋ −2 g R_xx + what collisions add,
 
 with the same for the traces T_mm and R_mm. Collisions over a diameter meet particles whose mean
-velocity differs by d g k_x: for Gaussian velocities with R_ij, R_tt = (R_mm − R_xx)/2, they add
+velocity differs by d g k_x. For Gaussian velocities with R_ij, R_tt = (R_mm − R_xx)/2, they add
 
-    n g √π d/(√Θ τ_c) [(1+e) R_xx/5 − ¾ (1+e)² (R_xx/7 + 2 R_tt/35)] + (1+e)(1+3e)/28 n √Θ d²/τ_c g²
+    w_xx = n g √π d/(√Θ τ_c) [(1+e) R_xx/5 − ¾ (1+e)² (R_xx/7 + 2 R_tt/35)]
+           + (1+e)(1+3e)/28 n √Θ d²/τ_c g²,
+    w_mm = n g √π d/(√Θ τ_c) (1+e)(1−3e)/60 (3 R_xx + 2 R_tt) + (1+e)(1+3e)/20 n √Θ d²/τ_c g²
 
-to R_xx, and to R_mm
-
-    n g √π d/(√Θ τ_c) (1+e)(1−3e)/60 (3 R_xx + 2 R_tt) + (1+e)(1+3e)/20 n √Θ d²/τ_c g².
-
-For e = 1 that is the work of pressure and viscosity; `benchmarks.velocity_algebra` derives it.
-Number densities change how often particles collide, the radial distribution being held.
+to R_xx and R_mm. For e = 1 that is the work of pressure and viscosity, else w_lost is lost;
+`benchmarks.flow_algebra` derives it. Number densities change how often particles collide, the
+radial distribution being held.
 """
 
 from __future__ import annotations
@@ -32,6 +31,7 @@ from typing import Any
 
 from jaxtyping import Array, Float
 
+from triboflux.hierarchy import VELOCITY, VOLUME
 from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.conduction import density_number
@@ -39,7 +39,6 @@ from triboflux.models.third_order import with_traces
 from triboflux.models.varying import (
     OFF,
     TEMPERATURE,
-    VOLUME,
     LocalCoefficients,
     centred,
     density_of,
@@ -48,7 +47,8 @@ from triboflux.models.varying import (
 from triboflux.realizability import TENSOR
 from triboflux.velocity_closures import flow_closures
 
-VELOCITY = "mean_velocity"
+LEAST_VOLUME = 1e-3
+"""Specific volume at which a run is stopped, in parts of its mean."""
 STRAIN = t.Applied(o.GRADIENT_OF_VECTOR, VELOCITY)
 
 
@@ -168,19 +168,19 @@ def _lost_of(found: tuple[Array, ...], _: LocalCoefficients) -> Float[Array, " x
 
 
 STRAINED = {
-    name: t.Product(f"g {name}", (name, VOLUME, STRAIN), _strained)
-    for name in ("covariance", "covariance_flux")
+    name: t.Product(f"g {letter}", (name, VOLUME, STRAIN), _strained)
+    for name, letter in (("covariance", "C"), ("covariance_flux", "T"))
 }
 PULLED = t.Product(f"2 g R{OFF}", (TENSOR, VOLUME, STRAIN), _pulled)
-COLLIDED = t.Product("work of collisions", (_COLLIDED,), _tensor_of)
+COLLIDED = t.Product("w_xx", (_COLLIDED,), _tensor_of)
 TRACES = {
     STRAINED["covariance_flux"]: t.Product(
         "g T_xx", ("covariance_flux", VOLUME, STRAIN), _trace_strained
     ),
     PULLED: t.Product(f"2 g R_xx{OFF}", PULLED.reads, _pulled_excess),
-    COLLIDED: t.Product("trace of the work of collisions", (_COLLIDED,), _trace_of),
+    COLLIDED: t.Product("w_mm", (_COLLIDED,), _trace_of),
 }
-LOST = t.Product("work of collisions that is lost", (_COLLIDED,), _lost_of)
+LOST = t.Product("w_lost", (_COLLIDED,), _lost_of)
 DRAGGED = t.Product("U²", (VELOCITY,), lambda velocity: t.dot(velocity, velocity))
 
 
@@ -203,6 +203,22 @@ def _strains(local: LocalCoefficients) -> tuple[t.Term, ...]:
         replace(by_lost, parameters=(local,)),
         lost("drag on the mean", "drag", o.IDENTITY, DRAGGED, 1.0 / local.numbers.tau_p),
     )
+
+
+def _above_the_least(volume: Array) -> Float[Array, " x"]:
+    return volume - LEAST_VOLUME
+
+
+LIMIT = t.Term(
+    f"the specific volume less {LEAST_VOLUME:g} of its mean",
+    "limit",
+    "",
+    VOLUME,
+    o.IDENTITY,
+    t.Product("1/n", (VOLUME,), _above_the_least),
+    1.0,
+)
+"""Has to stay positive; particles closer together are not those of a dilute suspension."""
 
 
 def flow_terms(local: LocalCoefficients) -> tuple[t.Term, ...]:

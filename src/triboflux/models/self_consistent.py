@@ -30,7 +30,7 @@ from triboflux.models.conduction import (
     deviator,
     temperature_coefficients,
 )
-from triboflux.models.flow import flow_terms
+from triboflux.models.flow import LIMIT, flow_terms
 from triboflux.models.model import Model
 from triboflux.models.products import symmetric
 from triboflux.models.third_order import carried_charge_terms, third_order, with_traces
@@ -221,7 +221,7 @@ def self_consistent_flow(local: LocalCoefficients) -> Model:
     """
     name = "self-consistent-flow"
     terms = (*_terms(local, moving=True), *flow_terms(local))
-    return Model(name, MODELS[name].evolves, terms, local.at(None))
+    return Model(name, MODELS[name].evolves, terms, local.at(None), limits=(LIMIT,))
 
 
 def _terms(local: LocalCoefficients, *, moving: bool = False) -> tuple[t.Term, ...]:

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from triboflux.closures import ClosureSet
+from triboflux.hierarchy import VOLUME
 from triboflux.models import operators as o
 from triboflux.models import terms as t
 from triboflux.models.coefficients import TransportCoefficients, transport_coefficients
@@ -32,7 +33,6 @@ from triboflux.numbers import Numbers
 Scalar: TypeAlias = float | Float[Array, ""]
 
 TEMPERATURE = "granular_temperature"
-VOLUME = "specific_volume"
 OFF = ", off the first state"
 """Ends the name of a term that is what another lacks where Θ or n is not one."""
 CONSERVED = ("charge", "variance")
