@@ -302,6 +302,25 @@ def test_a_run_keeps_charge_momentum_and_energy(tmp_path):
         assert np.isfinite(terms[name]).all()
 
 
+def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
+    # fast enough for steps, so that it takes several segments
+    strong = case(
+        numbers=PAPER | {"tau_c": 0.1, "restitution": 1.0}, run={"t_end": 0.13, "outputs": 2}
+    )
+    whole, path = solve(strong), tmp_path / "run.checkpoint"
+
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(strong, checkpoint=path, checkpoint_steps=1, on_progress=stop)
+    assert path.exists()
+    assert whole.stats["accepted"] > 512
+    again = solve(strong, checkpoint=path, resume=True).dataset
+    for name in whole.dataset.data_vars:
+        np.testing.assert_array_equal(again[name].values, whole.dataset[name].values)
+
+
 def test_sound():
     # frequent collisions: a wave of the mean velocity oscillates with the speed of sound
     grid = Grid((64,), (1.0,))
