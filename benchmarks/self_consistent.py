@@ -26,6 +26,7 @@ SECTION = "cases"
 RUNS = (
     ("self-consistent-flow", "derived"),
     ("self-consistent", "derived"),
+    ("self-consistent", "complete"),
     ("self-consistent", "published"),
     ("third-order", "derived"),
     ("full", "derived"),

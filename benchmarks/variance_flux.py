@@ -1,9 +1,9 @@
-"""N_i = ⟨ξ'ξ'c'_i⟩ closed in two ways and transported, beside simulated particles without a field.
+"""N_i = ⟨ξ'ξ'c'_i⟩ closed in two ways and transported, and the force on T_ij, beside particles.
 
 Run from the root of the repository; nothing is written without ``--write``::
 
-    python -m benchmarks.variance_flux            # in seconds
-    python -m benchmarks.variance_flux --write    # fills a section of docs/third-order.md
+    python -m benchmarks.variance_flux            # in two minutes
+    python -m benchmarks.variance_flux --write    # fills two sections of docs/third-order.md
 
 The equations of Q, C and T_ij are those of `benchmarks.kinetic_beyond`, the particles those of
 `benchmarks.kinetic_field_runs` at u = 0. For a Gaussian joint distribution and R_ij = δ_ij
@@ -24,11 +24,20 @@ from scipy.integrate import solve_ivp
 
 from benchmarks.kinetic_beyond import Beyond, beyond
 from benchmarks.kinetic_field_runs import Kept, load
+from benchmarks.kinetic_fields import is_like
+from benchmarks.kinetic_models import errors_beside, predict_at
 from benchmarks.kinetic_particles import K, X
+from benchmarks.kinetic_tables import percent
 from benchmarks.timing import ROOT, print_or_write, table
+from triboflux.terminal import use_compilation_cache
 
 PAGE = ROOT / "docs" / "third-order.md"
-SECTION = "variance-flux"
+SECTION, FORCE = "variance-flux", "force"
+MODELS = ("third-order", "self-consistent")
+STRONG = (30.0, 300.0)
+"""u at which the force is judged."""
+COLLISION_TIMES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
+CLOSURES = ("derived", "complete")
 CLOSED, PRODUCTS, TRANSPORTED = "closed", "closed, with the products", "transported"
 
 
@@ -70,12 +79,40 @@ def section() -> str:
     return table(["τ_c", "error bar", CLOSED, PRODUCTS, TRANSPORTED], rows)
 
 
+def force_section() -> str:
+    """Return errors of t* and Q with and without the force on T_ij, which `complete` has."""
+    head = ["u", "τ_c", *(f"`{model}`, `{name}`" for model in MODELS for name in CLOSURES)]
+    rows: list[list[str]] = []
+    for ratio in STRONG:
+        for tau_c in COLLISION_TIMES:
+            cells = [
+                _force_cell(ratio, tau_c, model, name) for model in MODELS for name in CLOSURES
+            ]
+            rows.append([f"{ratio:g}", f"{tau_c:g}", *cells])
+    return table(head, rows)
+
+
+def _force_cell(ratio: float, tau_c: float, model: str, closures: str) -> str:
+    """Return the errors of one model beside particles with its assumptions."""
+    for kept in load().values():
+        if (kept.setting.energy_ratio, kept.setting.tau_c) == (ratio, tau_c) and is_like(
+            model, kept
+        ):
+            (told,) = predict_at(kept.setting, model, closures, [kept.time])
+            errors = errors_beside(told, kept.time, kept.moments)
+            late = "–" if errors.time is None else percent(errors.time, signed=True)
+            return f"{late} · {percent(errors.moments['charge'])}"
+    return ""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the section, or write it."""
     parser = argparse.ArgumentParser(description="The flux of the variance, closed or transported.")
     parser.add_argument("--write", action="store_true", help=f"write into {PAGE.name}")
     options = parser.parse_args(arguments)
+    use_compilation_cache()
     print_or_write(SECTION, section(), PAGE, write=options.write)
+    print_or_write(FORCE, force_section(), PAGE, write=options.write)
     return 0
 
 

@@ -204,10 +204,9 @@ def test_homogeneous_states_decay_as_their_rates_say():
 # --- limits ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("u", "order"), [(300.0, 2.0), (0.0, 4.0)], ids=["field", "no field"])
-def test_it_tends_to_the_full_model_with_the_collision_time(u, order):
-    # At fixed slow time. The full model leaves out the force on T, which is of second order where V
-    # lasts as long as Q, hence this Peclet number; what T's memory adds is of fourth.
+@pytest.mark.parametrize("u", [300.0, 0.0], ids=["field", "no field"])
+def test_it_tends_to_the_full_model_with_the_collision_time(u):
+    # At fixed slow time; what T's memory adds is of fourth order. V lasts as long as Q here.
     grid = Grid((16,), (1.0,))
     state = Moments(-jnp.sin(K * grid.coordinates()[0]), jnp.zeros((1, 16)), jnp.zeros(16))
     differences = []
@@ -222,8 +221,9 @@ def test_it_tends_to_the_full_model_with_the_collision_time(u, order):
         ]
         differences.append(largest_difference(*ends))
     found = -np.diff(np.log2(differences))
-    # Measured: 2.05 and 2.02 with a field, 4.03 and 4.01 without.
-    assert np.all(np.abs(found - order) < 0.1)
+    # Measured: 3.67 and 3.94 with a field, 4.03 and 4.01 without.
+    assert abs(found[-1] - 4.0) < 0.1
+    assert abs(found[-1] - 4.0) < abs(found[0] - 4.0) < 0.4
 
 
 # --- what holds for every solution ----------------------------------------------------------------
@@ -361,7 +361,7 @@ def test_a_result_holds_every_component_and_its_budget(tmp_path):
         np.testing.assert_allclose(total, (after - before) / 4e-4, atol=1e-3 * abs(total).max())
     told = Drawing.of(result).budget(result, 0.0402)["equations"]
     assert [equation["moment"] for equation in told] == ["charge", "covariance", "variance", *names]
-    assert [len(equation["terms"]) for equation in told[3:]] == [6] * len(names)
+    assert [len(equation["terms"]) for equation in told[3:]] == [5] * len(names)
     assert result.dataset.attrs["trace_dimensions"] == 3
     result.to_netcdf(tmp_path / "out.nc")
     again = triboflux.load(tmp_path / "out.nc")

@@ -36,6 +36,9 @@ LINES: dict[str, dict[str, Any]] = {
 REFERENCE: dict[str, Any] = {"color": style.SKY, "linestyle": "-", "linewidth": 3.2}
 """Wide, light and below the others, so that a curve that coincides with it is seen."""
 
+LONG = 38
+"""Characters of a legend's entry of which three do not fit beside each other."""
+
 _LARGER = 1.0 + 1e-6
 
 
@@ -132,7 +135,8 @@ def compare_figure(comparison: Comparison) -> Figure:
             star = f"${line.axis}^* = {line.axis}/L$"
             ax.set_xlabel(star if comparison.units == "scaled" else f"${line.axis}$ (m)")
         handles, labels = axes.flat[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+        columns = 2 if max(map(len, labels)) > LONG else 3
+        figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
         figure.suptitle(_caption(comparison, states, line))
     return figure
 

@@ -256,17 +256,11 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
     term = t.maker("covariance_flux", "dropped")
     group, charge = "production by collisional flux", "charge"
     by_gradient, by_field = d.third_moment_gradient, -d.third_moment_field
-    force = -c.electric_force * d.variance_flux_gradient / c.variance_flux_destruction
+    force = -c.electric_force * variance_flux(c)
     return (
         term("production by charge curvature", group, o.HESSIANS, charge, by_gradient),
         term("production by charge Laplacian", group, o.ISOTROPIC_LAPLACIAN, charge, by_gradient),
         term("production by field gradient", group, o.FIELD_GRADIENTS, charge, by_field),
         term("production by field divergence", group, o.ISOTROPIC_CHARGE, charge, by_field),
-        term(
-            "electric force by collisions",
-            "electric force",
-            o.IDENTITY,
-            p.GRADIENT_BY_FIELD,
-            force,
-        ),
+        term("electric force", "electric force", o.IDENTITY, p.GRADIENT_BY_FIELD, force),
     )

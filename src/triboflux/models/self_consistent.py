@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from triboflux.hierarchy import MODELS
 from triboflux.models import operators as o
 from triboflux.models import terms as t
+from triboflux.models.coefficients import TransportCoefficients
 from triboflux.models.conduction import (
     STATE,
     TEMPERATURE_GRADIENT,
@@ -147,15 +148,20 @@ def _anisotropic(local: LocalCoefficients, place: Place | None) -> tuple[t.Term,
                 ADVECTION,
                 -1.0,
             ),
-            tensor(
-                "electric force, anisotropic",
-                "electric force",
-                o.IDENTITY,
-                FLUX_BY_FIELD,
-                -c.electric_force / destruction,
-            ),
+            *_anisotropic_force(c),
             products=TRACES,
         ),
+    )
+
+
+def _anisotropic_force(c: TransportCoefficients) -> tuple[t.Term, ...]:
+    """Return what R_ij − Θ δ_ij adds to the electric force on T_ij, which the paper drops."""
+    if c.dropped is None:
+        return ()
+    factor = -c.electric_force / c.variance_flux_destruction
+    term = t.maker("covariance_flux", "dropped")
+    return (
+        term("electric force, anisotropic", "electric force", o.IDENTITY, FLUX_BY_FIELD, factor),
     )
 
 

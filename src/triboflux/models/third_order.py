@@ -4,10 +4,11 @@ The full model takes T_ij for what it is after many collisions, (3.7). Here it o
 which that is the steady solution without a field, docs/third-order.md:
 
     ∂T_ij/∂t = −K1 T_ij − K2 T_mm δ_ij − G1 (∂_i C_j + ∂_j C_i) − G2 ∇·C δ_ij
-               + u (N_i E_j + N_j E_i),      N = −Dv_kin ∇V,
+               [+ u (N_i E_j + N_j E_i)],    N = −Dv_kin ∇V,
 
-and −∂_j T_ij takes the place of the dispersion of C. T_mm is the trace over three dimensions,
-whatever those of the box.
+and −∂_j T_ij takes the place of the dispersion of C. The paper leaves the electric force in
+brackets out, and so does every closure set but `complete`, see `triboflux.models.dropped`. T_mm is
+the trace over three dimensions, whatever those of the box.
 """
 
 from __future__ import annotations
@@ -45,13 +46,6 @@ def covariance_flux_terms(c: TransportCoefficients) -> tuple[t.Term, ...]:
             o.ISOTROPIC_DIVERGENCE,
             "covariance",
             -c.divergence,
-        ),
-        term(
-            "electric force",
-            "electric force",
-            o.IDENTITY,
-            GRADIENT_BY_FIELD,
-            -c.electric_force * c.granular_temperature / c.variance_flux_destruction,
         ),
         term("destruction", "destruction", o.IDENTITY, "covariance_flux", -c.third_moment),
         term(
