@@ -40,9 +40,10 @@ def along_x(fields: Mapping[str, Any], length: float, volume: Any = None) -> dic
     dict of str to numpy.ndarray
         The same names, ``[..., x]``.
     """
-    volume = np.asarray(fields[VOLUME] if volume is None else volume)
-    ahead = _primitive(volume / volume.mean() - 1.0, length)
-    return _at(_inverse(volume / volume.mean(), ahead - ahead.mean(), length), fields)
+    stretch = np.asarray(fields[VOLUME] if volume is None else volume)
+    stretch = stretch / stretch.mean()
+    ahead = _primitive(stretch - 1.0, length)
+    return _at(_inverse(stretch, ahead - ahead.mean(), length), fields)
 
 
 def along_m(fields: Mapping[str, Any], length: float) -> dict[str, Reals]:

@@ -205,7 +205,7 @@ def _closed_force_warnings(c: TransportCoefficients) -> list[str]:
     return [
         f"the closed flux of the covariance takes back {taken:.0%} of the electric force on a "
         "variance that varies over L, and more over shorter lengths: collisions are too rare for "
-        "it, so take the third-order model."
+        "it, so take the third-order model, or derived closures."
     ]
 
 

@@ -172,15 +172,15 @@ STRAINED = {
     for name, letter in (("covariance", "C"), ("covariance_flux", "T"))
 }
 PULLED = t.Product(f"2 g R{OFF}", (TENSOR, VOLUME, STRAIN), _pulled)
-COLLIDED = t.Product("w_xx", (_COLLIDED,), _tensor_of)
+COLLIDED = t.Product("w_{xx}", (_COLLIDED,), _tensor_of)
 TRACES = {
     STRAINED["covariance_flux"]: t.Product(
-        "g T_xx", ("covariance_flux", VOLUME, STRAIN), _trace_strained
+        "g T_{xx}", ("covariance_flux", VOLUME, STRAIN), _trace_strained
     ),
     PULLED: t.Product(f"2 g R_xx{OFF}", PULLED.reads, _pulled_excess),
-    COLLIDED: t.Product("w_mm", (_COLLIDED,), _trace_of),
+    COLLIDED: t.Product("w_{mm}", (_COLLIDED,), _trace_of),
 }
-LOST = t.Product("w_lost", (_COLLIDED,), _lost_of)
+LOST = t.Product("w_{lost}", (_COLLIDED,), _lost_of)
 DRAGGED = t.Product("U²", (VELOCITY,), lambda velocity: t.dot(velocity, velocity))
 
 

@@ -266,7 +266,8 @@ def varying(
     """
     result: list[t.Term] = []
     closures = local.closures
-    which = _vary(builder, closures.name, tuple(closures.values), local.trace_dimensions)
+    names = tuple(closures.values)
+    which = _vary(builder, closures.name, names, local.trace_dimensions, moving)
     for index, (term, varies) in enumerate(zip(builder(local, None), which, strict=True)):
         if not (varies or (moving and _stretches(term))):
             result.append(term)
@@ -346,13 +347,16 @@ def _local(
 
 
 @ft.cache
-def _vary(builder: Builder, name: str, names: tuple[str, ...], trace_dimensions: int) -> list[bool]:
-    """Return which terms of a closure set depend on Θ, whatever the numbers of the case are."""
+def _vary(
+    builder: Builder, name: str, names: tuple[str, ...], trace_dimensions: int, moving: bool
+) -> list[bool]:
+    """Return which terms depend on Θ, and on n if particles move, whatever the numbers are."""
     some = _Values(1e3, 0.1, 0.3, 0.7, 2.0, 50.0, 0.9)
     values = {name: 0.37 + 0.01 * i for i, name in enumerate(names)}
     probe = LocalCoefficients(some, _Closures(name, 0.8, values), trace_dimensions)
     with jax.ensure_compile_time_eval():
-        lists = [builder(probe, place) for place in (None, Place(jnp.asarray(0.5)))]
+        other = Place(jnp.asarray(0.5), jnp.asarray(0.7 if moving else 1.0))
+        lists = [builder(probe, place) for place in (None, other)]
         return [
             not math.isclose(float(one.coefficient), float(other.coefficient), rel_tol=1e-9)
             for one, other in zip(*lists, strict=True)
