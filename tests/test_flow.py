@@ -1,5 +1,8 @@
 """The self-consistent model with a mean velocity and a number density of its own."""
 
+from dataclasses import replace
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -183,6 +186,23 @@ def field_of(state, grid):
     """Return what solves ∂E/∂m = Q - ⟨Q⟩."""
     calculus = FourierCalculus(grid)
     return np.asarray(grid.to_fields(calculus.electric_field(grid.to_spectral(state.charge))))
+
+
+def test_rates_can_be_differentiated_where_mechanisms_are_absent():
+    grid = Grid((16,), (LENGTH,))
+    state = some_state(grid)
+    absent = {"tau_p": np.inf, "tau_sigma": np.inf, "peclet": np.inf}
+
+    model = full_model(NUMBERS | absent, name=NAME)
+
+    def size(part):
+        volume = 1.0 + part * (state.specific_volume - 1.0)
+        found = fourier_rates(model, grid, replace(state, specific_volume=volume))
+        return sum(jnp.sum(getattr(found, name) ** 2) for name in RANKS)
+
+    at, width = jnp.asarray(0.7), 1e-5
+    expected = (float(size(at + width)) - float(size(at - width))) / (2.0 * width)
+    assert float(jax.grad(size)(at)) == pytest.approx(expected, rel=1e-6)
 
 
 # ------------------------------------------------------------------ conservation

@@ -42,7 +42,7 @@ _COLDEST = 1e-12
 _SMALLEST = 1e-6
 """Volume per particle below which its inverse does not rise."""
 _NEVER = 1e100
-"""Stands for an infinite collision time, whose products with absent mechanisms vanish."""
+"""Stands for infinite numbers, so that products with absent mechanisms and slopes are finite."""
 
 
 class _Values(NamedTuple):
@@ -149,11 +149,11 @@ class LocalCoefficients(eqx.Module):
         closures: Any = self.closures
         velocity: Any = 1.0
         if place is not None:
-            numbers = numbers._replace(
-                tau_c=jnp.minimum(numbers.tau_c, _NEVER) / place.density,
-                peclet=numbers.peclet / place.density,
-                tau_sigma=numbers.tau_sigma / place.density,
-            )
+            collisional = {
+                name: jnp.minimum(getattr(numbers, name), _NEVER) / place.density
+                for name in ("tau_c", "peclet", "tau_sigma")
+            }
+            numbers = numbers._replace(**collisional)
             velocity = speed(place.temperature)
         n_t = self.trace_dimensions
         return transport_coefficients(numbers, closures, n_t, n_t, velocity)
