@@ -22,10 +22,10 @@ import numpy as np
 
 from benchmarks.kinetic_field_runs import COLLISION_TIMES, FIELDS, Kept, load
 from benchmarks.kinetic_fields import GOOD, Judged, is_like, judge
+from benchmarks.kinetic_models import PAPERS_MODELS
 from benchmarks.kinetic_tables import percent
 from benchmarks.timing import ROOT, table, write_section
 from triboflux.case import Case
-from triboflux.hierarchy import MODELS
 from triboflux.suitability import chart_case, suitability
 from triboflux.terminal import use_compilation_cache
 
@@ -41,8 +41,7 @@ STORES = ROOT / "build" / "suitability"
 SECTION = "third-order"
 
 REFERENCE = "third-order"
-JUDGED = tuple(MODELS)[tuple(MODELS).index("full") :]
-"""The models of the paper."""
+JUDGED = PAPERS_MODELS
 DRAWN = ("full", "semi-algebraic", "gradient")
 """Those that are good somewhere in the plane besides its corners."""
 

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.kinetic_beyond import Beyond, beyond
-from benchmarks.kinetic_field_runs import Kept, load
+from benchmarks.kinetic_field_runs import COLLISION_TIMES, LONG, Kept, load
 from benchmarks.kinetic_fields import is_like
 from benchmarks.kinetic_models import errors_beside, predict_at
 from benchmarks.kinetic_particles import K, X
@@ -36,7 +36,6 @@ SECTION, FORCE = "variance-flux", "force"
 MODELS = ("third-order", "self-consistent")
 STRONG = (30.0, 300.0)
 """u at which the force is judged."""
-COLLISION_TIMES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 CLOSURES = ("derived", "complete")
 CLOSED, PRODUCTS, TRANSPORTED = "closed", "closed, with the products", "transported"
 
@@ -83,26 +82,24 @@ def force_section() -> str:
     """Return errors of t* and Q with and without the force on T_ij, which `complete` has."""
     head = ["u", "τ_c", *(f"`{model}`, `{name}`" for model in MODELS for name in CLOSURES)]
     rows: list[list[str]] = []
+    known = tuple(load().values())
     for ratio in STRONG:
-        for tau_c in COLLISION_TIMES:
-            cells = [
-                _force_cell(ratio, tau_c, model, name) for model in MODELS for name in CLOSURES
-            ]
+        for tau_c in sorted(time for time in COLLISION_TIMES if time > LONG):
+            own = [k for k in known if (k.setting.energy_ratio, k.setting.tau_c) == (ratio, tau_c)]
+            cells: list[str] = []
+            for model in MODELS:
+                (kept,) = (k for k in own if is_like(model, k))
+                cells += [_force_cell(kept, model, name) for name in CLOSURES]
             rows.append([f"{ratio:g}", f"{tau_c:g}", *cells])
     return table(head, rows)
 
 
-def _force_cell(ratio: float, tau_c: float, model: str, closures: str) -> str:
-    """Return the errors of one model beside particles with its assumptions."""
-    for kept in load().values():
-        if (kept.setting.energy_ratio, kept.setting.tau_c) == (ratio, tau_c) and is_like(
-            model, kept
-        ):
-            (told,) = predict_at(kept.setting, model, closures, [kept.time])
-            errors = errors_beside(told, kept.time, kept.moments)
-            late = "–" if errors.time is None else percent(errors.time, signed=True)
-            return f"{late} · {percent(errors.moments['charge'])}"
-    return ""
+def _force_cell(kept: Kept, model: str, closures: str) -> str:
+    """Return the errors of t* and Q of one model with one closure set."""
+    (told,) = predict_at(kept.setting, model, closures, [kept.time])
+    errors = errors_beside(told, kept.time, kept.moments)
+    late = "–" if errors.time is None else percent(errors.time, signed=True)
+    return f"{late} · {percent(errors.moments['charge'])}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

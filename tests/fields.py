@@ -27,6 +27,16 @@ EVERYTHING = {
     "length_ratio": 12.0,
     "restitution": 0.85,
 }
+# The same for models that evolve the granular temperature, which stays near one.
+HEATED = {
+    "peclet": 300.0,
+    "tau_c": 0.03,
+    "tau_p": 0.2,
+    "tau_sigma": 0.5,
+    "energy_ratio": 30.0,
+    "length_ratio": 20.0,
+    "restitution": 0.8,
+}
 
 
 def full_model(numbers, closures="derived", dimensions=1, exponent=0.8, name="full"):
@@ -95,6 +105,14 @@ def by_fourier(model, state, grid, t_end, rtol, atol, stop=None):
     t_end, rtol, atol, stop = numbers
     settings = Settings(t_end, rtol, atol, stop_at_peak_charge=stop)
     return _integrate(model, state, grid, settings)
+
+
+def at_rest(grid, **changes):
+    """Return all moments on points of a line, without charge or motion and at Θ = n = 1."""
+    one = jnp.ones(grid.points)
+    fields = {name: jnp.zeros((1,) * rank + grid.points) for name, rank in RANKS.items()}
+    fields |= {"granular_temperature": one, "granular_temperature_tensor": one[None, None]}
+    return Moments(**fields | {"specific_volume": one} | changes)
 
 
 def largest_difference(left, right):

@@ -10,7 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks import flow_algebra
-from tests.fields import PAPER, by_fourier, difference_rates, fourier_rates, full_model
+from tests.fields import (
+    HEATED,
+    PAPER,
+    at_rest,
+    by_fourier,
+    difference_rates,
+    fourier_rates,
+    full_model,
+)
 from triboflux import Case, InputError, mass_coordinate, solve
 from triboflux.calculus import FourierCalculus
 from triboflux.diagnostics import budget
@@ -21,15 +29,6 @@ from triboflux.moments import Moments
 from triboflux.velocity_closures import flight_dispersion, flow_closures, velocity_closures
 
 NAME = "self-consistent-flow"
-NUMBERS = {
-    "peclet": 300.0,
-    "tau_c": 0.03,
-    "tau_p": 0.2,
-    "tau_sigma": 0.5,
-    "energy_ratio": 30.0,
-    "length_ratio": 20.0,
-    "restitution": 0.8,
-}
 LENGTH = 0.9
 
 
@@ -160,7 +159,7 @@ def test_along_m_the_equations_are_those_in_x(tau_c):
     # nothing but the rates of collisions is shared with the model: not the calculus, nor the terms
     grid = Grid((192,), (LENGTH,))
     changes = {"tau_c": tau_c, "peclet": np.inf, "tau_sigma": np.inf, "length_ratio": 1e13}
-    numbers = NUMBERS | changes
+    numbers = HEATED | changes
     state = some_state(grid)
     # with the electric force on T; what else `complete` has vanishes with the diameter
     ours = fourier_rates(full_model(numbers, "complete", name=NAME), grid, state)
@@ -193,7 +192,7 @@ def test_rates_can_be_differentiated_where_mechanisms_are_absent():
     state = some_state(grid)
     absent = {"tau_p": np.inf, "tau_sigma": np.inf, "peclet": np.inf}
 
-    model = full_model(NUMBERS | absent, name=NAME)
+    model = full_model(HEATED | absent, name=NAME)
 
     def size(part):
         volume = 1.0 + part * (state.specific_volume - 1.0)
@@ -211,12 +210,12 @@ def test_rates_can_be_differentiated_where_mechanisms_are_absent():
 def test_sums_are_kept_whatever_the_state():
     grid = Grid((48,), (LENGTH,))
     state = some_state(grid)
-    found = fourier_rates(full_model(NUMBERS | {"tau_p": np.inf}, name=NAME), grid, state)
+    found = fourier_rates(full_model(HEATED | {"tau_p": np.inf}, name=NAME), grid, state)
     for name in ("specific_volume", "charge", "mean_velocity"):
         values = getattr(found, name)
         assert abs(float(jnp.mean(values))) < 1e-12 * largest(values), name
     # inelastic collisions and drag take what is told
-    found = fourier_rates(full_model(NUMBERS, name=NAME), grid, state)
+    found = fourier_rates(full_model(HEATED, name=NAME), grid, state)
     field = field_of(state, grid)[0]
     volume, velocity = state.specific_volume, state.mean_velocity[0]
     centred = jnp.asarray(field) - jnp.mean(field * volume)
@@ -226,7 +225,7 @@ def test_sums_are_kept_whatever_the_state():
         centred**2 * found.specific_volume
     )
     parts = [
-        NUMBERS["energy_ratio"] * float(stored),
+        HEATED["energy_ratio"] * float(stored),
         float(jnp.mean(1.5 * found.granular_temperature + velocity * found.mean_velocity[0])),
         float(jnp.mean(found.dissipated_energy)),
     ]
@@ -238,7 +237,7 @@ def test_both_discretisations_agree():
     differences = []
     for points in (48, 96):
         grid = Grid((points,), (LENGTH,))
-        state, model = some_state(grid), full_model(NUMBERS, name=NAME)
+        state, model = some_state(grid), full_model(HEATED, name=NAME)
         finite, spectral = (f(model, grid, state) for f in (difference_rates, fourier_rates))
         differences.append([largest(getattr(finite, n) - getattr(spectral, n)) for n in RANKS])
     assert (np.log2(np.divide(*differences)) > 4.5).all()
@@ -346,16 +345,11 @@ def test_sound():
     # frequent collisions: a wave of the mean velocity oscillates with the speed of sound
     grid = Grid((64,), (1.0,))
     (x,) = grid.coordinates()
-    one, small = jnp.ones(64), 1e-3
-    fields = {name: jnp.zeros((1,) * rank + (64,)) for name, rank in RANKS.items()}
-    fields |= {"granular_temperature": one, "granular_temperature_tensor": one[None, None]}
-    fields |= {
-        "specific_volume": one,
-        "mean_velocity": small * jnp.asarray(np.cos(2 * np.pi * x))[None],
-    }
+    small = 1e-3
+    state = at_rest(grid, mean_velocity=small * jnp.asarray(np.cos(2 * np.pi * x))[None])
     model = full_model(PAPER | {"tau_c": 1e-3, "length_ratio": 1e6, "peclet": np.inf}, name=NAME)
     half = 0.5 / np.sqrt(5.0 / 3.0)
-    outcome, found = by_fourier(model, Moments(**fields), grid, half, 1e-6, 1e-10)
+    outcome, found = by_fourier(model, state, grid, half, 1e-6, 1e-10)
     assert not bool(outcome.failed)
     amplitude = 2.0 * float(jnp.mean(found.mean_velocity[0] * np.cos(2 * np.pi * x))) / small
     # viscosity 5/4 τ_c Θ, conductivity that of the closed third moment: both damp the wave
@@ -376,14 +370,15 @@ def test_cold_particles_run_into_each_other():
     # without collisions, pressure and charge velocities stay, and volumes go straight to zero
     grid = Grid((64,), (1.0,))
     (m,) = grid.coordinates()
-    fields = {name: jnp.zeros((1,) * rank + (64,)) for name, rank in RANKS.items()}
     cold, wave = 1e-12 * jnp.ones(64), jnp.asarray(np.sin(2.0 * np.pi * m))
-    fields |= {"granular_temperature": cold, "granular_temperature_tensor": cold[None, None]}
-    fields |= {"specific_volume": jnp.ones(64), "mean_velocity": wave[None]}
-    numbers = PAPER | {"tau_c": 1e9, "length_ratio": 1e9, "peclet": np.inf}
-    outcome, found = by_fourier(
-        full_model(numbers, name=NAME), Moments(**fields), grid, 1.0, 1e-6, 1e-9
+    state = at_rest(
+        grid,
+        granular_temperature=cold,
+        granular_temperature_tensor=cold[None, None],
+        mean_velocity=wave[None],
     )
+    numbers = PAPER | {"tau_c": 1e9, "length_ratio": 1e9, "peclet": np.inf}
+    outcome, found = by_fourier(full_model(numbers, name=NAME), state, grid, 1.0, 1e-6, 1e-9)
     assert bool(outcome.stopped["nonphysical"])
     assert float(outcome.time) == pytest.approx((1.0 - 1e-3) / (2.0 * np.pi), rel=1e-5)
     volume = 1.0 + 2.0 * np.pi * float(outcome.time) * np.cos(2.0 * np.pi * m)

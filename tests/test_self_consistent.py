@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from tests.fields import (
+    HEATED,
     PAPER,
+    at_rest,
     by_fourier,
     difference_rates,
     fourier_rates,
@@ -18,7 +20,7 @@ from tests.fields import (
 from triboflux import closures
 from triboflux.calculus import FourierCalculus
 from triboflux.grid import Grid
-from triboflux.hierarchy import MODELS, RANKS
+from triboflux.hierarchy import MODELS
 from triboflux.models import conduction
 from triboflux.models import operators as o
 from triboflux.models import terms as t
@@ -29,15 +31,6 @@ from triboflux.realizability import realizability_margin
 
 NAME = "self-consistent"
 GRIDS = {1: Grid((9,), (1.1,)), 2: Grid((6, 7), (1.0, 1.3)), 3: Grid((6, 6, 6), (1.0, 1.3, 0.9))}
-NUMBERS = {
-    "peclet": 300.0,
-    "tau_c": 0.03,
-    "tau_p": 0.2,
-    "tau_sigma": 0.5,
-    "energy_ratio": 30.0,
-    "length_ratio": 20.0,
-    "restitution": 0.8,
-}
 dimensions = pytest.mark.parametrize("d", [1, 3])
 
 
@@ -80,7 +73,7 @@ def test_at_the_first_temperature_it_is_the_third_order_model(d, closure_set):
     grid = GRIDS[d]
     fields = random_state(grid, uniform=True)
     ours, theirs = (
-        rates(name, NUMBERS, grid, fields, closure_set) for name in (NAME, "third-order")
+        rates(name, HEATED, grid, fields, closure_set) for name in (NAME, "third-order")
     )
     for moment in MODELS["third-order"].evolves:
         one, other = getattr(ours, moment), getattr(theirs, moment)
@@ -104,13 +97,13 @@ def test_at_another_temperature_it_is_the_third_order_model_with_other_numbers(c
         "tau_sigma": root / transfer,
         "energy_ratio": 1.0 / theta,
     }
-    changed = NUMBERS | {name: factor * NUMBERS[name] for name, factor in factors.items()}
+    changed = HEATED | {name: factor * HEATED[name] for name, factor in factors.items()}
     powers = {"charge": 0, "covariance": 1, "variance": 0}
     powers |= {"covariance_flux": 2, "covariance_flux_trace": 2}
     scaled = Moments(
         **{name: getattr(fields, name) / root**power for name, power in powers.items()}
     )
-    ours = rates(NAME, NUMBERS, grid, hot, closure_set)
+    ours = rates(NAME, HEATED, grid, hot, closure_set)
     theirs = rates("third-order", changed, grid, scaled, closure_set)
     for moment, power in powers.items():
         one, other = getattr(ours, moment), root ** (power + 1) * getattr(theirs, moment)
@@ -119,7 +112,7 @@ def test_at_another_temperature_it_is_the_third_order_model_with_other_numbers(c
 
 def test_tensors_and_their_traces_stay_together():
     grid = GRIDS[3]
-    found = rates(NAME, NUMBERS, grid, random_state(grid), "complete")
+    found = rates(NAME, HEATED, grid, random_state(grid), "complete")
     for name, trace, weight in (
         ("covariance_flux", "covariance_flux_trace", 1.0),
         ("granular_temperature_tensor", "granular_temperature", 1.0 / 3.0),
@@ -134,8 +127,8 @@ def test_tensors_and_their_traces_stay_together():
 def test_conduction_is_linear_near_the_first_temperature_and_a_flux_elsewhere(d):
     grid = GRIDS[d]
     fields, calculus = random_state(grid), FourierCalculus(GRIDS[d])
-    closure_set = closures.by_name("derived", NUMBERS["restitution"])
-    local = LocalCoefficients.of(Numbers(**NUMBERS), closure_set, 3)
+    closure_set = closures.by_name("derived", HEATED["restitution"])
+    local = LocalCoefficients.of(Numbers(**HEATED), closure_set, 3)
     state = jax.tree.map(grid.to_spectral, fields)
     terms = conduction.conduction_terms(local)
     linear = t.evaluate(tuple(term for term in terms if term.linear), calculus, state)
@@ -166,10 +159,10 @@ def test_conduction_is_linear_near_the_first_temperature_and_a_flux_elsewhere(d)
 def test_energy_and_charge_keep_their_sums_whatever_the_state(d, closure_set):
     grid = GRIDS[d]
     fields = random_state(grid)
-    found = rates(NAME, NUMBERS, grid, fields, closure_set)
+    found = rates(NAME, HEATED, grid, fields, closure_set)
     potential = grid.to_fields(FourierCalculus(grid).potential(grid.to_spectral(fields.charge)))
     parts = [
-        NUMBERS["energy_ratio"] * float(jnp.mean(potential * found.charge)),
+        HEATED["energy_ratio"] * float(jnp.mean(potential * found.charge)),
         1.5 * float(jnp.mean(found.granular_temperature)),
         float(jnp.mean(found.dissipated_energy)),
     ]
@@ -195,7 +188,7 @@ def test_both_discretisations_agree():
             dissipated_energy=waves[2],
         )
         fields = jax.tree.map(jnp.asarray, fields)
-        model = full_model(NUMBERS, name=NAME)
+        model = full_model(HEATED, name=NAME)
         finite, spectral = (f(model, grid, fields) for f in (difference_rates, fourier_rates))
         differences.append(
             [largest(getattr(finite, n) - getattr(spectral, n)) for n in model.evolves]
@@ -209,10 +202,7 @@ LINE = Grid((64,), (1.0,))
 
 def run(numbers, stop=0.5, end=200.0, **changes):
     """Run a case of the paper; one program for all."""
-    one = jnp.ones(64)
-    fields = {name: jnp.zeros((1,) * rank + (64,)) for name, rank in RANKS.items()}
-    fields |= {"granular_temperature": one, "granular_temperature_tensor": one[None, None]}
-    start = Moments(**fields | {"charge": sine_state(LINE).charge} | changes)
+    start = at_rest(LINE, **{"charge": sine_state(LINE).charge} | changes)
     # without the electric force on T the margin falls to -0.02 in case B
     model = full_model(numbers, "complete", name=NAME)
     outcome, found = by_fourier(model, start, LINE, end, 1e-6, 1e-9, stop)

@@ -14,7 +14,7 @@ from triboflux.case_kinetic import Kinetic
 from triboflux.case_text import case_table, case_text, read_case_file
 from triboflux.case_units import resolve_suspension
 from triboflux.errors import InputError
-from triboflux.hierarchy import FLOW, MODELS
+from triboflux.hierarchy import MODELS, moves
 from triboflux.numbers import Numbers
 from triboflux.suspension import Suspension
 from triboflux.validation import (
@@ -40,10 +40,6 @@ MODELS_WITH_VARIANCE = tuple(
     name for name, known in MODELS.items() if "variance" in known.evolves + known.closes
 )
 """Those that know the charge variance."""
-MODELS_IN_ONE_DIMENSION = tuple(
-    name for name, known in MODELS.items() if set(FLOW) <= set(known.evolves)
-)
-"""Those that are for boxes of one dimension only."""
 CLOSURE_NAMES = ("derived", "published", "complete")
 """Names of the closure sets."""
 
@@ -272,7 +268,7 @@ class Case(InputModel):
     def _parts_fit(self) -> Case:
         case_checks.check_closures(self)
         case_checks.check_realizability_bound(self, MODELS_WITH_VARIANCE)
-        case_checks.check_dimensions(self, MODELS_IN_ONE_DIMENSION)
+        case_checks.check_dimensions(self, one=moves(self.model))
         case_checks.check_modes(self)
         case_checks.check_neutrality(self)
         case_checks.check_variance(self)

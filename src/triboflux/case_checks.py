@@ -85,9 +85,9 @@ def check_realizability_bound(case: Case, with_variance: Sequence[str]) -> None:
         )
 
 
-def check_dimensions(case: Case, in_one_dimension: Sequence[str]) -> None:
-    """Refuse a box that a model does not know; raises InputError."""
-    if case.grid.dimensions > 1 and case.model in in_one_dimension:
+def check_dimensions(case: Case, *, one: bool) -> None:
+    """Refuse a box of more than the one dimension that a model may know; raises InputError."""
+    if one and case.grid.dimensions > 1:
         raise InputError.about(
             "grid.points",
             f"is {list(case.grid.points)}, but must have one entry: the model '{case.model}' knows "

@@ -15,7 +15,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.errors import InputError
 from triboflux.fields import tensor_of
 from triboflux.grid import Grid
-from triboflux.hierarchy import RANKS, VOLUME, components
+from triboflux.hierarchy import RANKS, VOLUME, components, moves
 from triboflux.mass_coordinate import along_m, along_x
 from triboflux.models.model import Model
 from triboflux.models.terms import evaluate
@@ -83,11 +83,11 @@ def budget(result: Result, time: float | None = None) -> xr.Dataset:
     model, case = model_of(result), result.case
     grid = Grid(case.grid.points, case.grid.lengths)
     fields = {name: _moment(snapshot, name) for name in model.evolves}
-    moves, length = VOLUME in model.evolves, case.grid.lengths[0]
-    at_rest = along_m(fields, length) if moves else fields
+    moving, length = moves(model.name), case.grid.lengths[0]
+    at_rest = along_m(fields, length) if moving else fields
     state = Moments(**{name: jnp.asarray(values) for name, values in at_rest.items()})
     values = _all_terms(jax.tree.map(jnp.asarray, model), grid, state)
-    if moves:
+    if moving:
         values = along_x(values, length, at_rest[VOLUME])
     variables, coordinates = {}, {}
     for moment in model.evolves:

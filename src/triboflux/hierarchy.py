@@ -52,7 +52,7 @@ class Known(NamedTuple):
 
 VOLUME, VELOCITY = "specific_volume", "mean_velocity"
 FLOW = (VOLUME, VELOCITY)
-"""Moments of a model whose particles move on average, which it knows in one dimension only."""
+"""Moments of a model whose particles move on average."""
 
 MODELS = {
     "self-consistent-flow": Known(tuple(RANKS)),
@@ -72,6 +72,11 @@ MODELS = {
 def carries_trace(model: str) -> bool:
     """Return whether a model evolves the three-dimensional trace of a third-order moment."""
     return any(trace in MODELS[model].evolves for trace, _ in TRACES.values())
+
+
+def moves(model: str) -> bool:
+    """Return whether particles move on average, which a model knows in one dimension only."""
+    return set(FLOW) <= set(MODELS[model].evolves)
 
 
 def components(moment: str, dimensions: int) -> dict[str, tuple[int, ...]]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from triboflux.errors import InputError, shown_path
 from triboflux.fields import FIELDS
-from triboflux.hierarchy import MODELS, RANKS, VOLUME, components
+from triboflux.hierarchy import MODELS, RANKS, VOLUME, components, moves
 from triboflux.mass_coordinate import along_m
 from triboflux.scales import Scales
 
@@ -215,7 +215,7 @@ def _moments_of_file(case: Case, file: str) -> dict[str, NDArray[np.float64]]:
                 )
             for at in {place, place[::-1]}:
                 moments[moment][at] = values
-    if VOLUME in MODELS[case.model].evolves:
+    if moves(case.model):
         if not moments[VOLUME].min() > 0.0:
             raise InputError.about(
                 "initial.file",

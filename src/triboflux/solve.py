@@ -17,7 +17,7 @@ from triboflux.calculus import FourierCalculus
 from triboflux.dataset import build_dataset, stats_and_warnings
 from triboflux.files import require_writable
 from triboflux.grid import Grid
-from triboflux.hierarchy import VOLUME, components
+from triboflux.hierarchy import components, moves
 from triboflux.keeping import Keeper
 from triboflux.mass_coordinate import moved_along
 from triboflux.memory import require_memory
@@ -254,28 +254,14 @@ class _Run:
             record = self._keeper.records[index]
             times[place] = record["time"]
             evolved = {name: jnp.asarray(record[name]) for name in self._model.evolves}
-            observed = observe(self._model, self._grid, Moments(**evolved))
+            observed = _observe(self._model, self._grid, Moments(**evolved))
+            if moves(self._case.model):
+                observed = moved_along(observed, self._grid.lengths[0])
             for name, values in observed.items():
                 if name not in fields:
                     fields[name] = np.empty((len(chosen), *values.shape))
                 fields[name][place] = values
         return times, fields
-
-
-def observe(model: models.Model, grid: Grid, coefficients: Moments) -> dict[str, Any]:
-    """Return the fields of a result on points of x from Fourier coefficients.
-
-    Parameters
-    ----------
-    model : Model
-        Those fields that it knows are returned.
-    grid : Grid
-        The case's.
-    coefficients : Moments
-        The state.
-    """
-    observed = _observe(model, grid, coefficients)
-    return moved_along(observed, grid.lengths[0]) if VOLUME in model.evolves else observed
 
 
 @eqx.filter_jit

@@ -206,7 +206,7 @@ def flow_closures(restitution: Any) -> FlowClosures:
     e = restitution
     steep = (1 + e) * (1 + 3 * e)
     return FlowClosures(
-        pressure=(1 + e) / 60,
+        pressure=velocity_closures(e).momentum_shift,
         viscosity=(1 + e) / 10,
         work_along=(1 + e) / 5 - 3 * (1 + e) ** 2 / 28,
         work_across=-3 * (1 + e) ** 2 / 70,

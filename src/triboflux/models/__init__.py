@@ -5,7 +5,7 @@ from __future__ import annotations
 from triboflux import closures
 from triboflux.closures import ClosureSet
 from triboflux.errors import InputError, nearest
-from triboflux.hierarchy import FLOW, MODELS, carries_trace
+from triboflux.hierarchy import MODELS, carries_trace, moves
 from triboflux.models.coefficients import (
     TransportCoefficients,
     transport_coefficients,
@@ -80,7 +80,7 @@ def build(
             f"model: '{name}' is not known; allowed are {', '.join(REGISTRY)}."
             f"{nearest(name, REGISTRY)}"
         )
-    if dimensions > 1 and set(FLOW) <= set(MODELS[name].evolves):
+    if dimensions > 1 and moves(name):
         raise InputError(
             f"model: '{name}' is not allowed in {dimensions} dimensions; it knows one only."
         )

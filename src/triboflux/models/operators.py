@@ -156,23 +156,19 @@ DIVERGENCES = {
 }
 """The divergence of what an operator makes."""
 
-DIVERGENCE_OF_THIRD = Operator(
-    "∇·",
-    _zero,
-    _zero,
-    lambda d, f: _rows(lambda row: _rows(d.divergence, row), f),
-    derivatives=1,
+
+def _of_products(name: str, apply: Callable[[Discretisation, Array], Array]) -> Operator:
+    """Return an operator of first order for products, which the linear terms have no need of."""
+    return Operator(name, _zero, _zero, apply, derivatives=1)
+
+
+DIVERGENCE_OF_THIRD = _of_products(
+    "∇·", lambda d, f: _rows(lambda row: _rows(d.divergence, row), f)
 )
 """Of a tensor of rank three, over its last direction; only products are of that rank."""
-GRADIENT_OF_VECTOR = Operator("∇", _zero, _zero, lambda d, f: _rows(d.gradient, f), derivatives=1)
+GRADIENT_OF_VECTOR = _of_products("∇", lambda d, f: _rows(d.gradient, f))
 """∂_j C_i at row i, column j, for products to read."""
-GRADIENT_OF_TENSOR = Operator(
-    "∇",
-    _zero,
-    _zero,
-    lambda d, f: _rows(lambda row: _rows(d.gradient, row), f),
-    derivatives=1,
-)
+GRADIENT_OF_TENSOR = _of_products("∇", lambda d, f: _rows(lambda row: _rows(d.gradient, row), f))
 """∂_k R_ij at i, j, k, for products to read."""
 GRADIENT_OF_TENSOR_DIVERGENCE = composed(SYMMETRIC_GRADIENT, DIVERGENCE_OF_TENSOR)
 ISOTROPIC_DOUBLE_DIVERGENCE = composed(ISOTROPIC_DIVERGENCE, DIVERGENCE_OF_TENSOR)

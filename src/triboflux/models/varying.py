@@ -266,15 +266,15 @@ def varying(
     """
     result: list[t.Term] = []
     closures = local.closures
-    names = tuple(closures.values)
+    names, shared = tuple(closures.values), _shared(builder, moving)
     which = _vary(builder, closures.name, names, local.trace_dimensions, moving)
     for index, (term, varies) in enumerate(zip(builder(local, None), which, strict=True)):
         if not (varies or (moving and _stretches(term))):
             result.append(term)
         elif isinstance(term.source, t.Product):
-            result.append(_local(builder, index, term, term.source, local, moving))
+            result.append(_local(shared, index, term, term.source, local))
         else:
-            result += [term, _excess(builder, index, term, term.source, local, moving)]
+            result += [term, _excess(shared, index, term, term.source, local, moving)]
     return tuple(result)
 
 
@@ -309,7 +309,7 @@ def _parts(term: t.Term, moving: bool) -> tuple[o.Operator, o.Operator]:
 
 
 def _excess(
-    builder: Builder,
+    shared: t.Shared,
     index: int,
     term: t.Term,
     source: str,
@@ -320,7 +320,7 @@ def _excess(
     outer, inner = _parts(term, moving)
     read = source if inner is o.IDENTITY else t.Applied(inner, source)
     function = _Excess(index, outer.derivatives, _derivatives(read))
-    product = t.Product(f"off Θ = 1: {inner.name}", (read, _shared(builder, moving)), function)
+    product = t.Product(f"off Θ = 1: {inner.name}", (read, shared), function)
     return replace(
         term,
         name=f"{term.name}{OFF}",
@@ -332,17 +332,12 @@ def _excess(
 
 
 def _local(
-    builder: Builder,
-    index: int,
-    term: t.Term,
-    source: t.Product,
-    local: LocalCoefficients,
-    moving: bool,
+    shared: t.Shared, index: int, term: t.Term, source: t.Product, local: LocalCoefficients
 ) -> t.Term:
     """Return a product whose coefficient follows Θ and n."""
     inner = tuple(map(_derivatives, source.reads))
     function = _Local(index, term.operator.derivatives, inner, source.function)
-    product = t.Product(source.name, (*source.reads, _shared(builder, moving)), function)
+    product = t.Product(source.name, (*source.reads, shared), function)
     return replace(term, source=product, coefficient=1.0, parameters=(local,))
 
 
